@@ -1,0 +1,252 @@
+"""The effective configuration: one immutable pydantic tree, loaded from YAML, printed with every result.
+
+Defaults here are the project's; `configs/default.yaml` writes each one out. Paper constants name
+their table. Nothing is corrected silently: a value out of bounds is refused with a sentence.
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from hal.config import (
+    BeamsConfig,
+    DeadmanConfig,
+    GuardConfig,
+    NonNegative,
+    Positive,
+    Section,
+    VehicleConfig,
+    load_document,
+)
+
+
+class BodyConfig(Section):
+    """The vehicle's body, as a vertical cylinder about its centre."""
+
+    radius_m: Positive = 0.15
+    half_height_m: Positive = 0.08
+
+
+class EstimationConfig(Section):
+    """Kalman filter: process noise, measurement noise floors and gates."""
+
+    acceleration_noise_m_s2: Positive = 0.5
+    local_position_sigma_m: Positive = 0.03
+    local_velocity_sigma_m_s: Positive = 0.05
+    gnss_sigma_floor_m: Positive = 0.5
+    height_sigma_m: Positive = 0.03
+    gate_sigma: Positive = 5.0
+    """An innovation larger than this many standard deviations is rejected."""
+    reset_after_rejections: int = Field(default=10, ge=1)
+    stale_after_s: Positive = 0.3
+    sigma_max_m: Positive = 0.3
+    """Above this horizontal uncertainty the state is not ok: nothing is flown by it."""
+
+
+class MapConfig(Section):
+    """Evidence grid of hits and seen-free space (t3drm-findings, section 3.4)."""
+
+    cell_m: Positive = 0.025
+    hit_gain: int = Field(default=3, ge=1)
+    hit_cap: int = Field(default=12, ge=1)
+    occupied_from: int = Field(default=3, ge=1)
+    clear_within_m: Positive = 0.02
+    hit_mean_weight: Annotated[float, Field(gt=0.0, le=1.0)] = 0.25
+    edge_rule_deg: Positive = 7.0
+    """Two consecutive rays of one beam nearer than this bound the edge between them."""
+    free_shrink_m: NonNegative = 0.06
+    accounted_within_m: NonNegative = 0.05
+    start_disc_m: Positive = 0.23
+    """The take-off disc, assumed free: the vehicle stands in it."""
+    seen_max_age_s: Positive = 60.0
+    """Space seen free stays so for this long (static world); lower it where things move."""
+    corridor_hit_m: Positive = 0.185
+    """Guard: the centre's corridor keeps this far from every mapped hit."""
+    corridor_seen_m: Positive = 0.17
+    """Guard: everything within this of the corridor's axis must have been seen."""
+
+
+class PlannerConfig(Section):
+    """T3DRM planning. Clearances are added to the body radius to give the keep-out radii."""
+
+    comfortable_clearance_m: Positive = 0.08
+    """r0 of Eq. 2: keep-out radius around a hit at comfort."""
+    hard_clearance_m: Positive = 0.05
+    """r_min: Eq. 2's flow is stopped here."""
+    levels: int = Field(default=3, ge=1, le=8)
+    """How many radii from r0 to r_min are solved and compared."""
+    level_penalty: Annotated[float, Field(ge=1.0)] = 1.03
+    """Factor on the length for each level below r0."""
+    discrete_radius_m: Positive = 0.35
+    """A component whose minimum enclosing circle is not larger is discrete (section 3)."""
+    hyperbola: Literal["prefer", "cost", "never"] = "prefer"
+    """Continuous obstacles: take the fly-by conic where it is free; only where it is not longer
+    than its tangent-and-arc by `hyperbola_max_ratio`; or never."""
+    hyperbola_max_ratio: Annotated[float, Field(ge=1.0)] = 1.05
+    grid_cell_m: Positive = 0.05
+    """Cell of the local grid on which the fallback geodesic is found."""
+    tangent_discs_max: int = Field(default=80, ge=1)
+    """Above this many active discs the geodesic decides."""
+
+
+class ReplanConfig(Section):
+    """When the loop looks again."""
+
+    mode: Literal["stop", "rolling"] = "stop"
+    """stop: the paper's loop (stop, detect, replan, follow); rolling: replan in motion when the
+    next stretch is already seen free."""
+    min_interval_s: Positive = 0.2
+    hysteresis_m: NonNegative = 0.10
+    """A new plan replaces a valid one only when it is shorter by this much."""
+    hover_s: Positive = 2.0
+    """How long to look around at rest before trying again when there is no way."""
+    forget_radius_m: Positive = 1.1
+    attempts: int = Field(default=9, ge=3)
+    """Failures (never reset by a success) before the verdict 'unreachable'."""
+
+
+class PidGains(Section):
+    """One PID loop; its bounds are those of the paper's Table 3 (set by the field using it)."""
+
+    kp: NonNegative
+    ki: NonNegative
+    kd: NonNegative
+
+
+class PositionGains(PidGains):
+    """Table 3, position: kp 0-100, ki 0-1, kd 0-10."""
+
+    kp: Annotated[float, Field(ge=0.0, le=100.0)] = 0.95
+    ki: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    kd: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+
+
+class AltitudeGains(PidGains):
+    """Table 3, altitude: kp 0-10, ki 0-1, kd 0-10."""
+
+    kp: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
+    ki: Annotated[float, Field(ge=0.0, le=1.0)] = 0.05
+    kd: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+
+
+class VelocityGains(PidGains):
+    """Table 3, velocity: kp 0-10, ki 0-1, kd 0-10."""
+
+    kp: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    ki: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    kd: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+
+
+class GuidanceConfig(Section):
+    """Plan to setpoint: speed rule (Table 2), yaw scan, outer loops (Table 3)."""
+
+    speed_max_m_s: Positive = 0.2
+    """The paper's limit (section 3.1)."""
+    speed_min_m_s: Positive = 0.08
+    slow_below_m: Positive = 0.25
+    """Clearance at which the speed begins to fall ..."""
+    slowest_at_m: Positive = 0.17
+    """... and at which it has fallen to the minimum."""
+    volume_rate_dead_band: NonNegative = 0.02
+    """Table 2: |dV/dt| below this fraction of the full volume per second counts as 0."""
+    carrot_m: Positive = 0.10
+    lead_s: NonNegative = 0.15
+    push_below_m: Positive = 0.20
+    push_speed_m_s: Positive = 0.05
+    yaw_rate_deg_s: Positive = 60.0
+    position: PositionGains = Field(default_factory=PositionGains)
+    altitude: AltitudeGains = Field(default_factory=AltitudeGains)
+    velocity: VelocityGains = Field(default_factory=VelocityGains)
+
+    @model_validator(mode="after")
+    def _speeds_are_ordered(self) -> "GuidanceConfig":
+        if self.speed_min_m_s > self.speed_max_m_s:
+            raise ValueError("speed_min_m_s must not be above speed_max_m_s")
+        if self.slowest_at_m >= self.slow_below_m:
+            raise ValueError("slowest_at_m must be below slow_below_m")
+        return self
+
+
+class MissionConfig(Section):
+    """One flight."""
+
+    altitude_m: Positive = 1.0
+    goal_tolerance_m: Positive = 0.15
+    detection_range_m: Positive = 0.6
+    """A hit nearer than this and in the way stops the straight flight (paper: the IR range)."""
+    time_limit_s: Positive = 600.0
+    preflight_timeout_s: Positive = 20.0
+    takeoff_timeout_s: Positive = 30.0
+    land_timeout_s: Positive = 60.0
+    land_at_end: bool = True
+    replan: ReplanConfig = Field(default_factory=ReplanConfig)
+
+
+class FailsafeConfig(Section):
+    """Limits that end or interrupt a mission."""
+
+    battery_warn: Annotated[float, Field(ge=0.0, le=1.0)] = 0.25
+    battery_land: Annotated[float, Field(ge=0.0, le=1.0)] = 0.15
+    sensor_loss_hold_s: Positive = 0.5
+    """A horizontal beam silent for this long: hold ..."""
+    sensor_loss_land_s: Positive = 5.0
+    """... and for this long: land."""
+    state_loss_land_s: Positive = 2.0
+    position_jump_m: Positive = 0.5
+
+
+class ControlConfig(Section):
+    """The loop itself."""
+
+    rate_hz: Annotated[float, Field(ge=5.0, le=100.0)] = 20.0
+
+
+class LogConfig(Section):
+    """Where flights are recorded."""
+
+    directory: str = "flights"
+    enabled: bool = True
+
+
+class Config(Section):
+    """The whole configuration."""
+
+    vehicle: VehicleConfig = Field(default_factory=VehicleConfig)
+    body: BodyConfig = Field(default_factory=BodyConfig)
+    beams: BeamsConfig = Field(default_factory=BeamsConfig)
+    estimation: EstimationConfig = Field(default_factory=EstimationConfig)
+    map: MapConfig = Field(default_factory=MapConfig)
+    planner: PlannerConfig = Field(default_factory=PlannerConfig)
+    guidance: GuidanceConfig = Field(default_factory=GuidanceConfig)
+    guard: GuardConfig = Field(default_factory=GuardConfig)
+    deadman: DeadmanConfig = Field(default_factory=DeadmanConfig)
+    mission: MissionConfig = Field(default_factory=MissionConfig)
+    failsafe: FailsafeConfig = Field(default_factory=FailsafeConfig)
+    control: ControlConfig = Field(default_factory=ControlConfig)
+    log: LogConfig = Field(default_factory=LogConfig)
+
+    @model_validator(mode="after")
+    def _margins_are_ordered(self) -> "Config":
+        body = self.body.radius_m
+        if self.map.corridor_hit_m <= body:
+            raise ValueError("map.corridor_hit_m must be larger than body.radius_m")
+        if body + self.planner.hard_clearance_m <= self.map.corridor_hit_m:
+            raise ValueError(
+                "body.radius_m + planner.hard_clearance_m must be above map.corridor_hit_m, "
+                "or the planner proposes what the guard forbids"
+            )
+        if self.planner.hard_clearance_m > self.planner.comfortable_clearance_m:
+            raise ValueError(
+                "planner.hard_clearance_m must not be above planner.comfortable_clearance_m"
+            )
+        if not self.guard.altitude_min_m <= self.mission.altitude_m <= self.guard.altitude_max_m:
+            raise ValueError("mission.altitude_m must lie in the guard's altitude band")
+        if self.guidance.speed_max_m_s > self.guard.speed_max_m_s:
+            raise ValueError("guidance.speed_max_m_s must not be above guard.speed_max_m_s")
+        return self
+
+
+def load_config(path: Path | None) -> Config:
+    """The configuration in `path`, or the defaults for None; raises hal.errors.DocumentError."""
+    return Config() if path is None else load_document(path, Config)

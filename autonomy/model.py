@@ -1,0 +1,237 @@
+"""The nouns that cross package boundaries: what goes into a decision and what comes out of it.
+
+Everything here is an immutable record without behaviour beyond derivation. `Inputs` and
+`Decision` are what the flight log stores; they restore bit for bit.
+"""
+
+from enum import StrEnum
+
+import msgspec
+
+from autonomy.geometry import Point
+from hal.frames import ZERO3, Vector3
+from hal.readings import (
+    Attitude,
+    GnssFix,
+    LocalPosition,
+    RangeReading,
+    VehicleFacts,
+    VehicleStatus,
+)
+from hal.setpoints import Reply, Request, Setpoint
+
+# ---------------------------------------------------------------- estimation
+
+
+class FusedState(msgspec.Struct, frozen=True):
+    """The vehicle as the estimator believes it, in the autopilot's local NED frame.
+
+    `height_agl_m` is the height over the surface below, None when no down beam or terrain estimate
+    supports it. `position_sigma_m` is the one-sigma horizontal uncertainty. `ok` is False when
+    position or attitude is missing or stale: then nothing may be flown by it.
+    """
+
+    stamp_s: float
+    position_ned_m: Vector3
+    velocity_ned_m_s: Vector3
+    yaw_rad: float
+    position_sigma_m: float
+    height_agl_m: float | None
+    ok: bool
+    why_not_ok: str = ""
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_rate_rad_s: float = 0.0
+    frame_shift_ned_m: Vector3 = ZERO3
+    """How far the frame jumped at this step (EKF reset): the map moves by as much."""
+
+    @property
+    def point(self) -> Point:
+        """Horizontal position (north, east)."""
+        return (self.position_ned_m[0], self.position_ned_m[1])
+
+
+# ---------------------------------------------------------------- obstacles and plans
+
+
+class ObstacleKind(StrEnum):
+    """The paper's two classes of obstacles."""
+
+    DISCRETE = "discrete"
+    CONTINUOUS = "continuous"
+
+
+class Environment(StrEnum):
+    """What the surroundings are as a whole."""
+
+    FREE = "free"
+    DISCRETE = "discrete"
+    CONTINUOUS = "continuous"
+    MIXED = "mixed"
+
+
+class Obstacle(msgspec.Struct, frozen=True):
+    """One connected component of hit points at the keep-out radius.
+
+    (centre, radius_m) is its minimum enclosing circle; `hull` its convex hull, counter-clockwise
+    seen with north up and east right reversed to (north, east) axes; `death_m` is the radius at
+    which it would merge with its nearest neighbour (inf for the last component).
+    """
+
+    kind: ObstacleKind
+    centre: Point
+    radius_m: float
+    hull: tuple[Point, ...]
+    hits: tuple[Point, ...]
+    linearity: float
+    regularity: float
+    death_m: float
+
+
+class LegKind(StrEnum):
+    """By which navigation a piece of path was found."""
+
+    STRAIGHT = "straight"
+    TANGENT = "tangent"  # spherical navigation: tangent segment
+    ARC = "arc"  # spherical navigation: geodesic on the keep-out sphere
+    HYPERBOLA = "hyperbola"  # hyperbolic navigation: fly-by conic
+    GEODESIC = "geodesic"  # geodesic of g = I / v^2 on the local grid
+
+
+class Leg(msgspec.Struct, frozen=True):
+    """One piece of a plan as a polyline (at least two points), with its keep-out radius."""
+
+    kind: LegKind
+    points: tuple[Point, ...]
+    length_m: float
+    keep_out_m: float
+
+
+class Plan(msgspec.Struct, frozen=True, tag="plan"):
+    """A path from where the vehicle was to the goal, free of everything known."""
+
+    legs: tuple[Leg, ...]
+    length_m: float
+    keep_out_m: float
+    environment: Environment
+    obstacles: tuple[Obstacle, ...]
+    rejected: tuple[tuple[Point, ...], ...] = ()
+    """Candidates that were longer or blocked, for people to look at."""
+
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """The whole path as one polyline without repeated joints."""
+        joined: list[Point] = []
+        for leg in self.legs:
+            joined.extend(leg.points if not joined else leg.points[1:])
+        return tuple(joined)
+
+
+class NoPlan(msgspec.Struct, frozen=True, tag="no_plan"):
+    """Nothing known leads to the goal. `evidence` is the closed curve of hits that bars the way."""
+
+    reason: str
+    evidence: tuple[Point, ...]
+    environment: Environment
+    obstacles: tuple[Obstacle, ...]
+
+
+# ---------------------------------------------------------------- the mission
+
+
+class MissionState(StrEnum):
+    """Where the mission is (autonomy/mission/README.md draws the machine)."""
+
+    PREFLIGHT = "preflight"
+    ARM = "arm"
+    TAKEOFF = "takeoff"
+    OFFBOARD = "offboard"
+    CRUISE = "cruise"
+    STOP = "stop"
+    DETECT = "detect"
+    REPLAN = "replan"
+    FOLLOW = "follow"
+    HOLD = "hold"
+    LAND = "land"
+    DONE = "done"
+    YIELDED = "yielded"
+
+
+class Ending(StrEnum):
+    """How a mission ended; each has an exit code (autonomy/errors.py)."""
+
+    GOAL_REACHED = "goal_reached"
+    UNREACHABLE = "unreachable"
+    ABORTED = "aborted"
+    PREFLIGHT_REFUSED = "preflight_refused"
+    OFFBOARD_REFUSED = "offboard_refused"
+    LINK_LOST = "link_lost"
+    FAILSAFE = "failsafe"
+    BUDGET = "budget"
+    TAKEN_OVER = "taken_over"
+    INTERNAL = "internal"
+
+
+class Outcome(msgspec.Struct, frozen=True):
+    """The verdict: how it ended, in one sentence, and the evidence where there is any."""
+
+    ending: Ending
+    why: str
+    evidence: tuple[Point, ...] = ()
+
+
+class OperatorCommand(StrEnum):
+    """What a person may ask for at any time."""
+
+    STOP = "stop"  # stop and hold where you are
+    LAND = "land"
+
+
+class Event(msgspec.Struct, frozen=True):
+    """One thing worth telling a person; `why` is a sentence."""
+
+    stamp_s: float
+    name: str
+    why: str
+
+
+class GuardReport(msgspec.Struct, frozen=True):
+    """What the guard did to a setpoint. No violation: `limits` is empty, nothing was changed."""
+
+    limits: tuple[str, ...] = ()
+    speed_limit_m_s: float = 0.0
+    free_distance_m: float = 0.0
+
+
+class Inputs(msgspec.Struct, frozen=True):
+    """Everything that one step may know. New readings only; the rest is the newest known."""
+
+    now_s: float
+    ranges: tuple[RangeReading, ...]
+    local_position: LocalPosition | None
+    attitude: Attitude | None
+    gnss: GnssFix | None
+    status: VehicleStatus
+    facts: VehicleFacts | None = None
+    replies: tuple[Reply, ...] = ()
+    commands: tuple[OperatorCommand, ...] = ()
+    guard: GuardReport | None = None
+    """What the guard did to the setpoint of the step before."""
+
+
+class Decision(msgspec.Struct, frozen=True):
+    """Everything that one step decided. `plan` is set only on the step that made it."""
+
+    now_s: float
+    state: MissionState
+    fused: FusedState | None
+    setpoint: Setpoint | None
+    requests: tuple[Request, ...] = ()
+    events: tuple[Event, ...] = ()
+    plan: Plan | NoPlan | None = None
+    distance_to_go_m: float = 0.0
+    clearance_m: float = 0.0
+    speed_limit_m_s: float = 0.0
+    stops: int = 0
+    replans: int = 0
+    outcome: Outcome | None = None

@@ -1,0 +1,1 @@
+"""What the hardware can do: sensors and vehicles behind one contract (`hal.interfaces`)."""

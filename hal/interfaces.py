@@ -1,0 +1,120 @@
+"""The contract of the hardware layer. Drivers implement it; nothing else is known of them.
+
+Concurrency: drivers run as tasks or threads and publish into `Latest` cells or a `RangeBuffer`;
+reading them never blocks and never fails. Every coroutine ends within its deadline, and may be
+cancelled at any await: cancelling never changes what the vehicle does by itself.
+"""
+
+from typing import Protocol
+
+from hal.clock import Clock
+from hal.frames import Vector3
+from hal.readings import (
+    Attitude,
+    GnssFix,
+    LocalPosition,
+    RangeReading,
+    StatusText,
+    VehicleFacts,
+    VehicleStatus,
+)
+from hal.setpoints import Reply, Request, Setpoint
+
+__all__ = ["Clock", "GnssReceiver", "RangeSensor", "SeenSpace", "Vehicle"]
+
+
+class Vehicle(Protocol):
+    """One PX4 multicopter."""
+
+    async def open(self, deadline_s: float) -> VehicleFacts:
+        """Connect and learn who it is.
+
+        Raises ConnectionFailed when nobody answers within `deadline_s` seconds, WrongAutopilot
+        when it is not PX4. Cancelling leaves nothing open.
+        """
+        ...
+
+    async def close(self) -> None:
+        """Let go of the link; never changes the vehicle's mode. May be called twice."""
+        ...
+
+    def local_position(self) -> LocalPosition | None:
+        """The newest estimate, or None before the first."""
+        ...
+
+    def attitude(self) -> Attitude | None:
+        """The newest attitude, or None before the first."""
+        ...
+
+    def status(self) -> VehicleStatus:
+        """The newest status; its `link_age_s` is counted to now."""
+        ...
+
+    def take_texts(self) -> tuple[StatusText, ...]:
+        """Status texts since the last call, oldest first."""
+        ...
+
+    async def execute(self, request: Request) -> Reply:
+        """Send one request and wait for the acknowledgement.
+
+        A refusal or a silence is a Reply with `accepted=False` and a reason, not an exception.
+        Cancelling stops the waiting, not the request.
+        """
+        ...
+
+    def send(self, setpoint: Setpoint) -> None:
+        """Hand one setpoint to the link; returns at once."""
+        ...
+
+
+class RangeSensor(Protocol):
+    """One or several beams behind one driver."""
+
+    async def open(self, deadline_s: float) -> None:
+        """Start measuring; raises ConnectionFailed when the hardware does not answer."""
+        ...
+
+    async def close(self) -> None:
+        """Stop measuring. May be called twice."""
+        ...
+
+    def take(self) -> tuple[RangeReading, ...]:
+        """Readings since the last call, oldest first; bounded, the oldest are dropped."""
+        ...
+
+
+class GnssReceiver(Protocol):
+    """One GNSS receiver."""
+
+    async def open(self, deadline_s: float) -> None:
+        """Start receiving; raises ConnectionFailed when the hardware does not answer."""
+        ...
+
+    async def close(self) -> None:
+        """Stop receiving. May be called twice."""
+        ...
+
+    def fix(self) -> GnssFix | None:
+        """The newest solution, or None before the first."""
+        ...
+
+
+class SeenSpace(Protocol):
+    """What was seen to be free: the one thing that the guard asks of perception."""
+
+    def free_distance_m(
+        self, position_ned_m: Vector3, heading_rad: float, limit_m: float, now_s: float
+    ) -> float:
+        """How far the vehicle's body may travel horizontally from `position_ned_m` along
+        `heading_rad` (NED bearing), at most `limit_m`, before its swept corridor meets space that
+        holds an obstacle or was not seen free recently. 0.0 when it may not move at all.
+        """
+        ...
+
+    def clearance_m(self, position_ned_m: Vector3, limit_m: float) -> float:
+        """Horizontal distance from the position to the nearest known hit, at most `limit_m`."""
+        ...
+
+    def nearest_hit(self, position_ned_m: Vector3, limit_m: float) -> tuple[float, float] | None:
+        """(distance_m, bearing_rad) of the nearest known hit within `limit_m`, else None."""
+        ...

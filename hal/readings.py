@@ -1,0 +1,210 @@
+"""What sensors and the autopilot say, as immutable records that refuse what is not a measurement.
+
+Every reading has a `stamp_s`: the monotonic time at which the quantity was true, as well as its
+driver knows it. Records are `msgspec` structs, so that the flight log stores and restores them
+bit for bit.
+"""
+
+import math
+from enum import StrEnum
+
+import msgspec
+
+from hal.errors import ReadingRefused
+from hal.frames import Vector3, finite3
+
+
+def _require(condition: bool, sentence: str) -> None:
+    if not condition:
+        raise ReadingRefused(sentence)
+
+
+class RangeStatus(StrEnum):
+    """How far a range reading can be believed; unknown is never written as zero."""
+
+    VALID = "valid"
+    TOO_NEAR = "too_near"  # something is nearer than the sensor can measure
+    OUT_OF_RANGE = "out_of_range"  # measured, and nothing within the maximum range
+    NO_SIGNAL = "no_signal"  # the sensor could not measure: says nothing about space
+    SUSPECT = "suspect"  # measured, but a detector does not believe it
+
+
+class RangeReading(msgspec.Struct, frozen=True):
+    """One measurement of one beam.
+
+    `range_m` is the distance from the sensor's face; it is meaningful for VALID and SUSPECT, is
+    the minimum range for TOO_NEAR, the maximum range for OUT_OF_RANGE and 0.0 for NO_SIGNAL.
+    """
+
+    stamp_s: float
+    beam: str
+    status: RangeStatus
+    range_m: float
+    variance_m2: float
+    min_m: float
+    max_m: float
+
+    def __post_init__(self) -> None:
+        _require(math.isfinite(self.stamp_s), f"beam {self.beam}: the stamp is not a number")
+        _require(
+            0.0 <= self.min_m < self.max_m < math.inf,
+            f"beam {self.beam}: the limits {self.min_m}..{self.max_m} m are not a range",
+        )
+        _require(
+            math.isfinite(self.range_m) and self.range_m >= 0.0,
+            f"beam {self.beam}: {self.range_m} m is not a distance",
+        )
+        _require(
+            math.isfinite(self.variance_m2) and self.variance_m2 >= 0.0,
+            f"beam {self.beam}: {self.variance_m2} m2 is not a variance",
+        )
+
+
+class FixType(StrEnum):
+    """GNSS solution, in MAVLink's order."""
+
+    NO_GPS = "no_gps"
+    NO_FIX = "no_fix"
+    FIX_2D = "fix_2d"
+    FIX_3D = "fix_3d"
+    DGPS = "dgps"
+    RTK_FLOAT = "rtk_float"
+    RTK_FIXED = "rtk_fixed"
+
+    @property
+    def has_position(self) -> bool:
+        """True for a solution with a usable three-dimensional position."""
+        return self not in (FixType.NO_GPS, FixType.NO_FIX, FixType.FIX_2D)
+
+
+class GnssFix(msgspec.Struct, frozen=True):
+    """One GNSS solution: geodetic degrees, metres above mean sea level, one-sigma accuracies."""
+
+    stamp_s: float
+    fix_type: FixType
+    latitude_deg: float
+    longitude_deg: float
+    amsl_m: float
+    horizontal_accuracy_m: float
+    vertical_accuracy_m: float
+    satellites: int
+
+    def __post_init__(self) -> None:
+        _require(math.isfinite(self.stamp_s), "GNSS: the stamp is not a number")
+        _require(
+            abs(self.latitude_deg) <= 90.0 and abs(self.longitude_deg) <= 180.0,
+            f"GNSS: {self.latitude_deg}, {self.longitude_deg} deg is not on Earth",
+        )
+        _require(math.isfinite(self.amsl_m), "GNSS: the altitude is not a number")
+        _require(
+            0.0 < self.horizontal_accuracy_m < math.inf
+            and 0.0 < self.vertical_accuracy_m < math.inf,
+            "GNSS: a fix needs finite, positive accuracies",
+        )
+
+
+class LocalPosition(msgspec.Struct, frozen=True):
+    """The autopilot's own estimate of position and velocity in its local NED frame.
+
+    `reset_counter` changes when the estimator jumped (EKF reset): everything that was placed in
+    the frame before has moved with respect to it.
+    """
+
+    stamp_s: float
+    position_ned_m: Vector3
+    velocity_ned_m_s: Vector3
+    reset_counter: int = 0
+
+    def __post_init__(self) -> None:
+        _require(
+            math.isfinite(self.stamp_s)
+            and finite3(self.position_ned_m)
+            and finite3(self.velocity_ned_m_s),
+            "local position: a component is not a number",
+        )
+
+
+class Attitude(msgspec.Struct, frozen=True):
+    """Attitude as Z-Y-X Euler angles NED -> FRD, and the yaw rate about down."""
+
+    stamp_s: float
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+    yaw_rate_rad_s: float
+
+    def __post_init__(self) -> None:
+        _require(
+            all(
+                math.isfinite(v)
+                for v in (
+                    self.stamp_s,
+                    self.roll_rad,
+                    self.pitch_rad,
+                    self.yaw_rad,
+                    self.yaw_rate_rad_s,
+                )
+            ),
+            "attitude: a component is not a number",
+        )
+
+
+class FlightMode(StrEnum):
+    """PX4's navigation states, as far as this project tells them apart."""
+
+    UNKNOWN = "unknown"
+    MANUAL = "manual"  # every mode in which a pilot holds the sticks
+    TAKEOFF = "takeoff"
+    HOLD = "hold"
+    MISSION = "mission"
+    RETURN = "return"
+    LAND = "land"
+    OFFBOARD = "offboard"
+
+
+class LandedState(StrEnum):
+    """EXTENDED_SYS_STATE.landed_state."""
+
+    UNKNOWN = "unknown"
+    ON_GROUND = "on_ground"
+    TAKEOFF = "takeoff"
+    IN_AIR = "in_air"
+    LANDING = "landing"
+
+
+class VehicleStatus(msgspec.Struct, frozen=True):
+    """What the autopilot says of itself. `stamp_s` is the time of the newest message behind it.
+
+    `link_age_s` is how long the link has been silent. `armable` is the vehicle's own health
+    report; `not_armable_because` repeats its words. `battery_remaining` is 0..1 or None.
+    """
+
+    stamp_s: float
+    armed: bool
+    mode: FlightMode
+    landed: LandedState
+    link_age_s: float
+    armable: bool = True
+    not_armable_because: str = ""
+    battery_remaining: float | None = None
+    in_failsafe: bool = False
+
+
+class VehicleFacts(msgspec.Struct, frozen=True):
+    """What does not change during a flight: who the autopilot is and how it is configured.
+
+    `parameters` holds those asked for; a name that the vehicle does not know is absent.
+    """
+
+    autopilot: str
+    version: str
+    system_id: int
+    parameters: dict[str, float]
+
+
+class StatusText(msgspec.Struct, frozen=True):
+    """One line that the autopilot wrote for people; `severity` as in MAV_SEVERITY (0 worst)."""
+
+    stamp_s: float
+    severity: int
+    text: str
