@@ -1,4 +1,4 @@
-"""The effective configuration: one immutable pydantic tree, loaded from YAML, printed with every result.
+"""The effective configuration: one immutable pydantic tree, written beside every result.
 
 Defaults here are the project's; `configs/default.yaml` writes each one out. Paper constants name
 their table. Nothing is corrected silently: a value out of bounds is refused with a sentence.

@@ -3,6 +3,7 @@
 Points are (north, east). Angles grow from north to east, as bearings do.
 """
 
+import itertools
 import math
 
 Point = tuple[float, float]
@@ -44,4 +45,4 @@ def segment_distance(p: Point, a: Point, b: Point) -> float:
 
 def polyline_length(points: tuple[Point, ...]) -> float:
     """Sum of the segment lengths."""
-    return sum(distance(a, b) for a, b in zip(points, points[1:], strict=False))
+    return sum(distance(a, b) for a, b in itertools.pairwise(points))

@@ -122,7 +122,7 @@ class GuardConfig(Section):
     leash_m: Positive = 0.6
     """How far the setpoint's position may lie from the vehicle's."""
     reaction_s: NonNegative = 0.35
-    """Time during which the vehicle flies on before it brakes: one tick, the link, PX4's own lag."""
+    """How long the vehicle flies on before it brakes: one tick, the link, PX4's own lag."""
     braking_m_s2: Positive = 0.5
     """Deceleration that the measured PX4 response supports (tests/golden/px4)."""
     position_gain_per_s: NonNegative = 0.95
@@ -219,8 +219,9 @@ def _line_of(tree: yaml.Node | None, location: tuple[int | str, ...]) -> int | N
                 if key_node.value == str(part):
                     line, node = key_node.start_mark.line + 1, value_node
                     break
-        elif isinstance(node, yaml.SequenceNode) and isinstance(part, int):
-            if part < len(node.value):
-                node = node.value[part]
-                line = node.start_mark.line + 1
+        elif (
+            isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value)
+        ):
+            node = node.value[part]
+            line = node.start_mark.line + 1
     return line

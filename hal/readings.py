@@ -14,7 +14,7 @@ from hal.errors import ReadingRefused
 from hal.frames import Vector3, finite3
 
 
-def _require(condition: bool, sentence: str) -> None:
+def _require(condition: object, sentence: str) -> None:
     if not condition:
         raise ReadingRefused(sentence)
 

@@ -1,0 +1,1 @@
+"""What happened: every input and decision of a flight, recorded and read back."""

@@ -1,0 +1,1 @@
+"""When to do what: the machine, preflight, failsafe and the pilot (Algorithm 2)."""

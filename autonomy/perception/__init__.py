@@ -1,0 +1,1 @@
+"""Ranges to obstacles and seen-free space."""

@@ -1,0 +1,1 @@
+"""The simulated world, vehicle and sensors, and the mock PX4."""

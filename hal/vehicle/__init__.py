@@ -1,0 +1,1 @@
+"""The vehicle: its one door to MAVSDK, the guard before the wire, the deadman."""
