@@ -1,0 +1,53 @@
+# Needs python3 (3.11 or newer), git and make; everything else goes into .venv by itself.
+
+PYTHON ?= python3
+BIN := .venv/bin
+GOAL ?= 4,3
+SCENARIO ?= default
+FLY ?= --goal $(GOAL) --sim $(SCENARIO)
+
+# Processes of the parallel tests. Integration tests run alone: they measure wall-clock time.
+JOBS ?= 2
+QUICK := tests/unit tests/contract tests/paper tests/architecture
+
+.DEFAULT_GOAL := help
+.PHONY: help fly test test-fast check format bench clean
+
+help: ## show this
+	@awk -F':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
+
+fly: .venv/.core ## a simulated flight, from nothing: make fly [GOAL=4,3] [SCENARIO=default]
+	$(BIN)/autonomy fly $(FLY)
+
+test: .venv/.dev ## the whole suite: unit, contract, paper, architecture, scenario, integration
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration" tests
+	$(BIN)/python -m pytest -q -m integration tests
+
+test-fast: .venv/.dev ## what needs no flight: unit, contract, paper, architecture
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration" $(QUICK)
+
+check: .venv/.dev ## lint, format, types, layers
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: .venv/.dev ## rewrite the sources in the house style
+	$(BIN)/ruff check --fix-only .
+	$(BIN)/ruff format .
+
+bench: .venv/.dev ## measure: planner, one tick, simulator
+	$(BIN)/python -m tools.bench
+
+clean: ## remove the environment and everything that was generated
+	rm -rf .venv build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find autonomy hal tools tests configs -name __pycache__ -prune -exec rm -rf {} +
+
+# Stamps: pip runs again only when what is to be installed has changed.
+.venv/.core: pyproject.toml tools/bootstrap.py
+	$(PYTHON) tools/bootstrap.py core
+	@touch $@
+
+.venv/.dev: pyproject.toml tools/bootstrap.py
+	$(PYTHON) tools/bootstrap.py dev
+	@touch .venv/.core $@

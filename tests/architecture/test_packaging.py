@@ -1,0 +1,99 @@
+"""What is installed: every package, every document, in plain and editable installations."""
+
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = ("*.yaml", "*.service", "*/*.yaml")
+
+
+@pytest.fixture(scope="module")
+def project() -> dict[str, Any]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+def packages_in_the_tree() -> Iterator[str]:
+    for top in ("autonomy", "hal"):
+        for init in (ROOT / top).rglob("__init__.py"):
+            yield ".".join(init.parent.relative_to(ROOT).parts)
+
+
+def test_every_package_of_the_tree_is_listed_in_pyproject(project: dict[str, Any]) -> None:
+    listed = project["tool"]["setuptools"]["packages"]
+    assert listed == sorted(listed)
+    assert set(listed) == {*packages_in_the_tree(), "autonomy_configs"}
+
+
+def test_every_folder_with_python_in_it_is_a_package() -> None:
+    for top in ("autonomy", "hal", "tools"):
+        for source in (ROOT / top).rglob("*.py"):
+            assert (source.parent / "__init__.py").exists(), source
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sources alone, where a build may leave its traces."""
+    folder = tmp_path_factory.mktemp("checkout")
+    ignore = shutil.ignore_patterns("__pycache__")
+    for top in ("autonomy", "hal", "configs"):
+        shutil.copytree(ROOT / top, folder / top, ignore=ignore)
+    for path in (ROOT / "pyproject.toml", ROOT / "LICENSE", *ROOT.glob("README.md")):
+        shutil.copy(path, folder)
+    return folder
+
+
+@pytest.fixture(scope="module", params=["build_wheel", "build_editable"])
+def installed(
+    request: pytest.FixtureRequest, checkout: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """A site folder with the project installed by its own build backend, without a network."""
+    out = tmp_path_factory.mktemp("wheel")
+    hook = f"from setuptools import build_meta; build_meta.{request.param}({str(out)!r})"
+    run = subprocess.run(
+        [sys.executable, "-c", hook], cwd=checkout, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    site = tmp_path_factory.mktemp("site")
+    (wheel,) = out.glob("*.whl")
+    zipfile.ZipFile(wheel).extractall(site)
+    return site
+
+
+def run_installed(site: Path, code: str) -> str:
+    """What `code` prints, run in an empty folder with `site` as the only place of the project."""
+    setup = f"import site, sys; site.addsitedir({str(site)!r}); "
+    isolated = [sys.executable, "-I", "-S", "-c", setup + code]
+    run = subprocess.run(isolated, cwd=site, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    return run.stdout.strip()
+
+
+def test_an_installation_ships_every_document(installed: Path) -> None:
+    documents = {
+        str(path.relative_to(ROOT / "configs"))
+        for pattern in DOCUMENTS
+        for path in (ROOT / "configs").glob(pattern)
+    }
+    code = (
+        "import importlib.resources as r, pathlib; root = r.files('autonomy_configs'); "
+        f"print(*sorted(str(p.relative_to(root)) for pattern in {DOCUMENTS} "
+        "for p in pathlib.Path(str(root)).glob(pattern)))"
+    )
+    assert set(run_installed(installed, code).split()) == documents
+
+
+def test_an_installation_has_the_packages_and_the_command(installed: Path) -> None:
+    code = (
+        "import autonomy, hal, importlib.metadata as m; "
+        "print(autonomy.__version__ == m.version('autonomy'), "
+        "m.distribution('autonomy').entry_points['autonomy'].value)"
+    )
+    assert run_installed(installed, code) == "True autonomy.cli:main"

@@ -1,0 +1,50 @@
+"""A test that leaves a task or a thread behind fails: in flight nobody would clean up after it."""
+
+import asyncio
+import functools
+import inspect
+import threading
+from collections.abc import Awaitable, Callable, Iterator
+from typing import Any
+
+import pytest
+
+THREAD_GRACE_S = 2.0
+
+
+@pytest.fixture(autouse=True)
+def no_thread_is_left_behind() -> Iterator[None]:
+    """Fails a test after which a non-daemon thread still runs.
+
+    An autouse fixture is finished last, hence after the event loop has closed its executor.
+    """
+    before = set(threading.enumerate())
+    yield
+    left = [t for t in threading.enumerate() if t not in before and not t.daemon]
+    for thread in left:
+        thread.join(THREAD_GRACE_S)
+    names = [thread.name for thread in left if thread.is_alive()]
+    if names:
+        pytest.fail(f"threads left running: {', '.join(names)}")
+
+
+def _without_leaks(test: Callable[..., Awaitable[None]]) -> Callable[..., Awaitable[None]]:
+    """`test`, failing when it ends with tasks that were not there when it began."""
+
+    @functools.wraps(test)
+    async def watched(*args: Any, **kwargs: Any) -> None:
+        before = asyncio.all_tasks()
+        await test(*args, **kwargs)
+        await asyncio.sleep(0)  # a task that was told its end in the last step may still take it
+        names = sorted(task.get_name() for task in asyncio.all_tasks() - before if not task.done())
+        if names:
+            pytest.fail(f"tasks left running: {', '.join(names)}")
+
+    return watched
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Watch every coroutine test. The loop itself would cancel what is left, and nobody knew."""
+    if isinstance(item, pytest.Function) and inspect.iscoroutinefunction(item.obj):
+        item.obj = _without_leaks(item.obj)
