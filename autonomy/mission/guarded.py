@@ -1,0 +1,73 @@
+"""The pilot with the guard below it: the one pure step that flies, simulates and replays alike.
+
+Nothing else turns a decision into a setpoint for the wire.
+"""
+
+import msgspec
+
+from autonomy.config import Config
+from autonomy.mission.pilot import Pilot
+from autonomy.model import Decision, GuardReport, Inputs
+from hal.frames import Vector3, add
+from hal.setpoints import Setpoint
+from hal.vehicle.guard import BeamSight, Guard, Sight
+
+
+class Command(msgspec.Struct, frozen=True):
+    """What leaves the pure core: the decision, and its setpoint as the guard let it pass.
+
+    `setpoint` is in the mission frame, `wire_setpoint` in the autopilot's local frame.
+    """
+
+    decision: Decision
+    setpoint: Setpoint | None
+    wire_setpoint: Setpoint | None
+    guard: GuardReport
+
+
+class GuardedPilot:
+    """`step(inputs) -> Command`, deterministic; the guard sees every setpoint."""
+
+    def __init__(self, config: Config, route: tuple[Vector3, ...]) -> None:
+        self.pilot = Pilot(config, route)
+        self._guard = Guard(config.guard)
+        self._mounts = {mount.name: mount for mount in config.beams.mounts}
+        self._stale_after_s = config.beams.stale_after_s
+        self._last_report = GuardReport()
+
+    def step(self, inputs: Inputs) -> Command:
+        """One tick: decide, then guard. `inputs.guard` is filled with the last verdict."""
+        decision = self.pilot.step(msgspec.structs.replace(inputs, guard=self._last_report))
+        if decision.setpoint is None or decision.fused is None:
+            self._last_report = GuardReport()
+            return Command(decision, None, None, self._last_report)
+        verdict = self._guard.check(decision.setpoint, self._sight(decision, inputs.now_s))
+        self._last_report = GuardReport(
+            verdict.limits, verdict.speed_limit_m_s, verdict.free_distance_m
+        )
+        setpoint = verdict.setpoint
+        home = self.pilot.sensing.home_ned_m
+        wire = msgspec.structs.replace(
+            setpoint, position_ned_m=add(setpoint.position_ned_m, home)
+        )
+        return Command(decision, setpoint, wire, self._last_report)
+
+    def _sight(self, decision: Decision, now_s: float) -> Sight:
+        """What the guard may know: the state, the newest beams, the seen-free space."""
+        fused = decision.fused
+        assert fused is not None
+        return Sight(
+            now_s=now_s,
+            fused_stamp_s=fused.stamp_s,
+            position_ned_m=fused.position_ned_m,
+            velocity_ned_m_s=fused.velocity_ned_m_s,
+            yaw_rad=fused.yaw_rad,
+            position_sigma_m=fused.position_sigma_m,
+            position_ok=fused.ok,
+            beams=tuple(
+                BeamSight(self._mounts[name], reading)
+                for name, reading in self.pilot.sensing.newest.items()
+                if name in self._mounts and now_s - reading.stamp_s <= self._stale_after_s
+            ),
+            space=self.pilot.space,
+        )

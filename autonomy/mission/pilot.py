@@ -1,0 +1,496 @@
+"""The pilot: `Pilot.step(inputs) -> decision`, pure and deterministic; Algorithm 2 of the paper.
+
+Sense, respond to faults, then let the present state decide:
+
+    CRUISE   fly straight at the goal (Eq. 10: distance and bearing)       Algorithm 2, steps 1-3
+    STOP     something is in the way: come to rest
+    DETECT   complete the picture: turn until every bearing was seen
+    REPLAN   classify; sphere or hyperbola; choose the cheapest            steps 4-7, 10
+    FOLLOW   fly the chosen path; anything new in the way: STOP again      steps 8-9, 11
+    (goal)   next goal, or land                                            steps 12-13
+
+There is no clock, no randomness, no input or output here: everything comes in `Inputs`.
+"""
+
+import math
+
+from autonomy.config import Config
+from autonomy.geometry import Point, distance
+from autonomy.guidance.follower import arrival_speed, carrot_direction, push_away
+from autonomy.guidance.path import FlownPath
+from autonomy.guidance.pid import Pid
+from autonomy.guidance.yaw_scan import YawScan
+from autonomy.mission import failsafe
+from autonomy.mission.machine import NAVIGATING_STATES, OFFBOARD_STATES, TRANSITIONS
+from autonomy.mission.sensing import Sensing
+from autonomy.mission.sequence import Move, Sequence
+from autonomy.mission.tick import Tick
+from autonomy.model import (
+    Decision,
+    Ending,
+    Environment,
+    FusedState,
+    Inputs,
+    LegKind,
+    MissionState,
+    NoPlan,
+    OperatorCommand,
+    Outcome,
+    Plan,
+)
+from autonomy.t3drm.planner import Planner, violated
+from autonomy.t3drm.speed import speed_for_clearance
+from hal.frames import Vector3, horizontal_norm
+from hal.interfaces import SeenSpace
+from hal.readings import FlightMode, LandedState
+from hal.setpoints import RequestKind, Setpoint
+
+_AT_REST_M_S = 0.05
+_SWEEP_RAD = math.radians(100.0)
+"""A quarter turn of four beams, and a little more so that the ends overlap."""
+_STOP_LEAD_S = 0.35
+"""Where to hold: the vehicle cannot stop at once, and is not asked to come back."""
+_PATH_SLACK_M = 0.015
+"""A hit this much inside the keep-out radius is noise, not an obstacle in the way."""
+_STUCK_AFTER_S = 6.0
+_STUCK_WITHIN_M = 0.05
+_DISC_UNDER_VEHICLE_M = 0.14
+_CLEARANCE_LIMIT_M = 1.0
+_HOLD_BEFORE_LANDING_S = 3.0
+
+
+class Pilot:
+    """Flies one mission over a route of goals (NED about the take-off point)."""
+
+    def __init__(self, config: Config, route: tuple[Vector3, ...]) -> None:
+        """Take a route that `preflight.check_route` accepts."""
+        self._config = config
+        self._route = route
+        self._goal_index = 0
+        self._sensing = Sensing(config)
+        self._sequence = Sequence(config)
+        self._planner = Planner(config.planner, config.body.radius_m, config.guard.fence)
+        self._scan = YawScan(math.radians(config.guidance.yaw_rate_deg_s))
+        self._climb = Pid(config.guidance.altitude, config.guard.climb_max_m_s)
+        self._state = MissionState.PREFLIGHT
+        self._entered_s: float | None = None
+        self._armed_s: float | None = None
+        self._last_s: float | None = None
+        self._outcome: Outcome | None = None
+        self._path = FlownPath(((0.0, 0.0),))
+        self._path_keep_out_m = 0.0
+        self._path_checked = (-1, -1)
+        self._planned_s = -math.inf
+        self._hold_at: Vector3 | None = None
+        self._landing_ordered = False
+        self._failures = 0
+        self._look_for_s = 0.0
+        self._moved_from: tuple[float, Point] | None = None
+        self.stops = 0
+        self.replans = 0
+
+    @property
+    def space(self) -> SeenSpace:
+        """What was seen to be free, for the guard."""
+        return self._sensing.map
+
+    @property
+    def sensing(self) -> Sensing:
+        """Newest readings, map and frame, for the guard and for pictures."""
+        return self._sensing
+
+    @property
+    def goal(self) -> Vector3:
+        """The goal being flown to."""
+        return self._route[min(self._goal_index, len(self._route) - 1)]
+
+    # ------------------------------------------------------------ one step
+
+    def step(self, inputs: Inputs) -> Decision:
+        """Decide everything for this tick. `inputs.now_s` must not run backwards."""
+        if self._last_s is not None and inputs.now_s < self._last_s:
+            raise ValueError(f"time ran backwards: {inputs.now_s} s after {self._last_s} s")
+        fused = self._sensing.step(inputs)
+        nominal_s = 1.0 / self._config.control.rate_hz
+        dt_s = inputs.now_s - self._last_s if self._last_s is not None else nominal_s
+        tick = Tick(inputs, fused, dt_s)
+        self._last_s = inputs.now_s
+        if self._entered_s is None:
+            self._entered_s = inputs.now_s
+        self._obey_operator(tick)
+        self._respond_to_faults(tick)
+        move = self._decide(tick)
+        if move is not None:
+            self._enter(tick, move)
+        self._stream_something(tick)
+        return self._decision(tick)
+
+    def _decide(self, tick: Tick) -> Move | None:
+        """The present state's word on where to go next."""
+        match self._state:
+            case MissionState.PREFLIGHT:
+                silent = tuple(self._sensing.silent_beams(tick.now_s))
+                return self._sequence.preflight(tick, self._elapsed_s(tick), silent)
+            case MissionState.ARM:
+                return self._sequence.arm(tick, self._elapsed_s(tick))
+            case MissionState.TAKEOFF:
+                return self._sequence.takeoff(tick, self._elapsed_s(tick))
+            case MissionState.OFFBOARD:
+                return self._sequence.offboard(tick, self._elapsed_s(tick))
+            case MissionState.CRUISE | MissionState.FOLLOW:
+                return self._follow(tick)
+            case MissionState.STOP:
+                return self._stop(tick)
+            case MissionState.DETECT:
+                return self._detect(tick)
+            case MissionState.REPLAN:
+                return self._replan(tick)
+            case MissionState.HOLD:
+                return self._hold(tick)
+            case MissionState.LAND:
+                return self._land(tick)
+            case MissionState.YIELDED:
+                return Move(MissionState.DONE, "the vehicle is no longer ours to command")
+            case MissionState.DONE:
+                return None
+
+    # ------------------------------------------------------------ Algorithm 2
+
+    def _follow(self, tick: Tick) -> Move | None:
+        """CRUISE and FOLLOW: fly the path until the goal, or until something is in the way."""
+        if self._arrived(tick.fused):
+            return self._next_goal(tick)
+        blocked_m = self._blocked_ahead_m()
+        if blocked_m is not None:
+            move = self._on_blocked(tick, blocked_m)
+            if move is not None:
+                return move
+        elif self._is_stuck(tick):
+            return self._no_way(tick, "no progress on a path that is free", ())
+        self._fly_path(tick)
+        return None
+
+    def _on_blocked(self, tick: Tick, blocked_m: float) -> Move | None:
+        """Something known stands on the path, `blocked_m` ahead."""
+        replan = self._config.mission.replan
+        if replan.mode == "rolling":
+            if tick.now_s - self._planned_s < replan.min_interval_s:
+                return None
+            return self._replan(tick)
+        if blocked_m > self._config.mission.detection_range_m:
+            return None
+        self.stops += 1
+        return Move(MissionState.STOP, f"something is in the way {blocked_m:.2f} m ahead")
+
+    def _stop(self, tick: Tick) -> Move | None:
+        """STOP: wait until the vehicle is at rest."""
+        if horizontal_norm(tick.fused.velocity_ned_m_s) > _AT_REST_M_S:
+            return None
+        return Move(MissionState.DETECT, "at rest; looking at what is there")
+
+    def _detect(self, tick: Tick) -> Move | None:
+        """DETECT: turn until every bearing was seen once more (and for as long as asked)."""
+        if abs(self._scan.turned_rad) < _SWEEP_RAD or self._elapsed_s(tick) < self._look_for_s:
+            return None
+        self._look_for_s = 0.0
+        return Move(MissionState.REPLAN, "every direction was seen")
+
+    def _replan(self, tick: Tick) -> Move | None:
+        """REPLAN: classify, choose sphere or hyperbola, take the cheapest free path."""
+        self._planned_s = tick.now_s
+        self.replans += 1
+        goal = (self.goal[0], self.goal[1])
+        result = self._planner.plan(tick.fused.point, goal, self._sensing.map.hits())
+        tick.plan = result
+        if isinstance(result, NoPlan):
+            return self._no_way(tick, result.reason, result.evidence)
+        self._path = FlownPath(result.points)
+        self._path_keep_out_m = result.keep_out_m
+        self._path_checked = (-1, -1)
+        self._moved_from = None
+        straight = all(leg.kind is LegKind.STRAIGHT for leg in result.legs)
+        state = MissionState.CRUISE if straight else MissionState.FOLLOW
+        if state is self._state:
+            tick.say("replan", _why_this_plan(result))
+            self._fly_path(tick)
+            return None
+        return Move(state, _why_this_plan(result))
+
+    def _no_way(self, tick: Tick, reason: str, evidence: tuple[Point, ...]) -> Move:
+        """The fixed ladder: look again, forget nearby, forget all, verdict. Never reset."""
+        self._failures += 1
+        replan = self._config.mission.replan
+        if self._failures >= replan.attempts:
+            why = f"the goal cannot be reached: {reason}"
+            return Move(MissionState.LAND, why, Outcome(Ending.UNREACHABLE, why, evidence))
+        rung = "looking again"
+        point = tick.fused.point
+        if self._failures * 3 == replan.attempts:
+            self._sensing.map.forget_within(point, replan.forget_radius_m, _DISC_UNDER_VEHICLE_M)
+            rung = f"forgetting everything within {replan.forget_radius_m:g} m"
+        elif self._failures * 3 == 2 * replan.attempts:
+            self._sensing.map.forget_all(point, _DISC_UNDER_VEHICLE_M)
+            rung = "forgetting the whole map"
+        self._look_for_s = replan.hover_s
+        return Move(
+            MissionState.DETECT,
+            f"no way ({self._failures} of {replan.attempts}): {reason}; {rung}",
+        )
+
+    def _next_goal(self, tick: Tick) -> Move:
+        """Arrived: next goal of the route, or the end of the flight."""
+        self._goal_index += 1
+        if self._goal_index < len(self._route):
+            return Move(MissionState.REPLAN, f"goal {self._goal_index} reached; going on")
+        gap_m = distance(tick.fused.point, (self.goal[0], self.goal[1]))
+        why = f"{gap_m:.2f} m from the goal"
+        return Move(MissionState.LAND, why, Outcome(Ending.GOAL_REACHED, why))
+
+    def _arrived(self, fused: FusedState) -> bool:
+        """Within the tolerance of the goal, horizontally and in height."""
+        tolerance_m = self._config.mission.goal_tolerance_m
+        return (
+            distance(fused.point, (self.goal[0], self.goal[1])) <= tolerance_m
+            and abs(fused.position_ned_m[2] - self.goal[2]) <= 2.0 * tolerance_m
+        )
+
+    def _blocked_ahead_m(self) -> float | None:
+        """How far ahead along the path a known hit is too near; None when the path is free.
+
+        A path once checked against a map stays checked until the map changes.
+        """
+        checked = (self._sensing.map.version, id(self._path))
+        if checked == self._path_checked:
+            return None
+        blocked_m = violated(
+            self._path.remaining(),
+            self._sensing.map.hits(),
+            self._path_keep_out_m - _PATH_SLACK_M,
+        )
+        if blocked_m is None:
+            self._path_checked = checked
+        return blocked_m
+
+    def _is_stuck(self, tick: Tick) -> bool:
+        """True after `_STUCK_AFTER_S` on a path without leaving a small circle."""
+        point = tick.fused.point
+        if (
+            self._moved_from is None
+            or distance(point, self._moved_from[1]) > _STUCK_WITHIN_M
+        ):
+            self._moved_from = (tick.now_s, point)
+            return False
+        return tick.now_s - self._moved_from[0] > _STUCK_AFTER_S
+
+    # ------------------------------------------------------------ setpoints
+
+    def _fly_path(self, tick: Tick) -> None:
+        """Velocity along the path by Table 2's speed, pushed away from what is too near."""
+        fused, guidance = tick.fused, self._config.guidance
+        velocity = (fused.velocity_ned_m_s[0], fused.velocity_ned_m_s[1])
+        direction = carrot_direction(self._path, fused.point, velocity, guidance)
+        nearest = self._sensing.map.nearest_hit(fused.position_ned_m, _CLEARANCE_LIMIT_M)
+        clearance_m, receding = _CLEARANCE_LIMIT_M, True
+        if nearest is not None:
+            clearance_m = nearest[0]
+            receding = (
+                direction[0] * math.cos(nearest[1]) + direction[1] * math.sin(nearest[1]) < 0.0
+            )
+        tick.speed_limit_m_s = speed_for_clearance(clearance_m, guidance, receding=receding)
+        speed_m_s = arrival_speed(self._path.remaining_m, tick.speed_limit_m_s)
+        north, east = push_away(
+            (direction[0] * speed_m_s, direction[1] * speed_m_s), nearest, guidance
+        )
+        climb_m_s = self._climb.step(self.goal[2], fused.position_ned_m[2], tick.dt_s)
+        self._hold_at = None
+        tick.setpoint = Setpoint(
+            tick.now_s,
+            fused.position_ned_m,
+            (north, east, climb_m_s),
+            self._scan.step(fused.yaw_rad, tick.dt_s),
+        )
+
+    def _hold_position(self, tick: Tick) -> None:
+        """Hold with a position (zero velocity alone drifts), turning on."""
+        fused = tick.fused
+        if self._hold_at is None:
+            velocity = fused.velocity_ned_m_s
+            self._hold_at = (
+                fused.position_ned_m[0] + velocity[0] * _STOP_LEAD_S,
+                fused.position_ned_m[1] + velocity[1] * _STOP_LEAD_S,
+                self.goal[2],
+            )
+        yaw_rad = fused.yaw_rad
+        if self._state is not MissionState.OFFBOARD:
+            yaw_rad = self._scan.step(fused.yaw_rad, tick.dt_s)
+        tick.setpoint = Setpoint(tick.now_s, self._hold_at, yaw_rad=yaw_rad)
+
+    def _stream_something(self, tick: Tick) -> None:
+        """Every offboard tick has a setpoint; where no state gave one, it is to hold."""
+        streaming = self._state in OFFBOARD_STATES or (
+            # Until PX4 has taken over the landing, keep holding.
+            self._state is MissionState.LAND
+            and tick.inputs.status.mode is FlightMode.OFFBOARD
+            and tick.inputs.status.landed is not LandedState.ON_GROUND
+        )
+        if tick.setpoint is None and streaming:
+            self._hold_position(tick)
+
+    # ------------------------------------------------------------ operator, faults, end
+
+    def _obey_operator(self, tick: Tick) -> None:
+        """STOP holds and then lands; LAND, or a second STOP, lands at once."""
+        for command in tick.inputs.commands:
+            if self._state in (MissionState.LAND, MissionState.YIELDED, MissionState.DONE):
+                return
+            why = "stopped by the operator"
+            outcome = Outcome(Ending.ABORTED, why)
+            if self._state is MissionState.PREFLIGHT:
+                self._enter(tick, Move(MissionState.DONE, why, outcome))
+            elif (
+                command is OperatorCommand.LAND
+                or self._landing_ordered
+                or self._state not in NAVIGATING_STATES
+            ):
+                self._enter(tick, Move(MissionState.LAND, f"{why}: landing", outcome))
+            else:
+                self._landing_ordered = True
+                self._outcome = outcome
+                move = Move(MissionState.HOLD, f"{why}: holding, landing soon", outcome)
+                if self._state is not MissionState.HOLD:
+                    self._enter(tick, move)
+                self._entered_s = tick.now_s
+
+    def _respond_to_faults(self, tick: Tick) -> None:
+        """Let go when PX4 or a pilot took over; else do what the fault table says."""
+        status = tick.inputs.status
+        if self._state in NAVIGATING_STATES and status.mode is not FlightMode.OFFBOARD:
+            if status.link_age_s <= self._config.vehicle.link_timeout_s:
+                who = "PX4's failsafe" if status.in_failsafe else "a pilot or PX4"
+                why = f"{who} switched the vehicle to {status.mode.value}; this service lets go"
+                self._enter(
+                    tick, Move(MissionState.YIELDED, why, Outcome(Ending.TAKEN_OVER, why))
+                )
+                return
+        if self._state not in OFFBOARD_STATES and self._state is not MissionState.TAKEOFF:
+            return
+        found = self._faults(tick)
+        if not found:
+            return
+        worst = found[0]
+        if worst.response is failsafe.Response.LAND:
+            why = f"{worst.why}: landing"
+            self._enter(tick, Move(MissionState.LAND, why, Outcome(worst.ending, worst.why)))
+        elif self._state in NAVIGATING_STATES - {MissionState.HOLD}:
+            self._enter(tick, Move(MissionState.HOLD, f"{worst.why}: holding"))
+
+    def _faults(self, tick: Tick) -> tuple[failsafe.Found, ...]:
+        """Faults present now, strongest response first."""
+        mission_s = tick.now_s - self._armed_s if self._armed_s is not None else 0.0
+        return failsafe.detect(
+            self._config,
+            tick.inputs.status,
+            tick.fused,
+            self._sensing.state_lost_s(tick.now_s),
+            self._sensing.silent_beams(tick.now_s),
+            mission_s,
+        )
+
+    def _hold(self, tick: Tick) -> Move | None:
+        """HOLD: until the fault is gone, or until the operator's landing is due."""
+        if self._landing_ordered:
+            if self._elapsed_s(tick) >= _HOLD_BEFORE_LANDING_S:
+                return Move(MissionState.LAND, "held as ordered; landing", self._outcome)
+            return None
+        if self._faults(tick):
+            return None
+        return Move(MissionState.DETECT, "the fault is gone; looking around before going on")
+
+    def _land(self, tick: Tick) -> Move | None:
+        """LAND, or end in PX4's Hold when the mission says so and the goal was reached."""
+        stay_up = (
+            not self._config.mission.land_at_end
+            and self._outcome is not None
+            and self._outcome.ending is Ending.GOAL_REACHED
+        )
+        if not stay_up:
+            return self._sequence.land(tick, self._elapsed_s(tick))
+        if tick.inputs.status.mode is FlightMode.HOLD:
+            return Move(MissionState.DONE, "holding at the goal in PX4's Hold mode")
+        self._sequence.ask_hold(tick)
+        return None
+
+    # ------------------------------------------------------------ bookkeeping
+
+    def _elapsed_s(self, tick: Tick) -> float:
+        """Time in the present state."""
+        return tick.now_s - self._entered_s if self._entered_s is not None else 0.0
+
+    def _enter(self, tick: Tick, move: Move) -> None:
+        """Change state; the transition must be in the table."""
+        if move.state not in TRANSITIONS[self._state]:
+            raise AssertionError(f"{self._state} -> {move.state} is not in the mission's table")
+        self._state = move.state
+        self._entered_s = tick.now_s
+        if move.outcome is not None:
+            self._outcome = move.outcome
+        tick.say(move.state.value, move.why)
+        match move.state:
+            case MissionState.ARM:
+                self._sensing.fix_home()
+                self._armed_s = tick.now_s
+            case MissionState.OFFBOARD:
+                self._hold_at = None
+                self._sensing.map.mark_seen_disc(
+                    tick.fused.point, self._config.map.start_disc_m
+                )
+            case MissionState.STOP | MissionState.DETECT | MissionState.HOLD:
+                self._scan.restart()
+            case _:
+                pass
+
+    def _decision(self, tick: Tick) -> Decision:
+        """What this tick decided, as one record."""
+        fused = tick.fused
+        navigating = self._state in OFFBOARD_STATES
+        goal = (self.goal[0], self.goal[1])
+        return Decision(
+            now_s=tick.now_s,
+            state=self._state,
+            fused=fused,
+            setpoint=tick.setpoint,
+            requests=tuple(tick.requests),
+            events=tuple(tick.events),
+            plan=tick.plan,
+            distance_to_go_m=distance(fused.point, goal),
+            clearance_m=(
+                self._sensing.map.clearance_m(fused.position_ned_m, _CLEARANCE_LIMIT_M)
+                if navigating
+                else _CLEARANCE_LIMIT_M
+            ),
+            speed_limit_m_s=tick.speed_limit_m_s,
+            stops=self.stops,
+            replans=self.replans,
+            outcome=self._outcome if self._state is MissionState.DONE else None,
+        )
+
+
+def _why_this_plan(plan: Plan) -> str:
+    """One sentence on what was chosen and why."""
+    if plan.environment is Environment.FREE or all(
+        leg.kind is LegKind.STRAIGHT for leg in plan.legs
+    ):
+        return f"the straight line to the goal is free, {plan.length_m:.2f} m"
+    kinds = {leg.kind for leg in plan.legs}
+    if LegKind.HYPERBOLA in kinds:
+        way = "hyperbola round the continuous obstacle"
+    elif LegKind.GEODESIC in kinds:
+        way = "geodesic through what is known"
+    else:
+        way = "tangent of the sphere"
+    if LegKind.HYPERBOLA in kinds and LegKind.ARC in kinds:
+        way += " and tangents of spheres"
+    return (
+        f"{plan.environment.value} obstacles ({len(plan.obstacles)}): {way}, "
+        f"{plan.length_m:.2f} m at keep-out {plan.keep_out_m:.3f} m"
+    )

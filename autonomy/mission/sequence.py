@@ -1,0 +1,139 @@
+"""From the ground into the air and back: preflight, arm, take off, offboard; land, done.
+
+Each function is one state. It looks at the tick, asks the autopilot for things, and returns where
+to go next, or None to stay.
+"""
+
+import math
+
+import msgspec
+
+from autonomy.config import Config
+from autonomy.mission import preflight
+from autonomy.mission.tick import Tick
+from autonomy.model import Ending, MissionState, Outcome
+from hal.readings import FlightMode, LandedState
+from hal.setpoints import RequestKind
+
+_REPEAT_LAND_S = 2.0
+_STREAM_BEFORE_OFFBOARD_S = 0.3
+_OFFBOARD_TIMEOUT_S = 5.0
+_ARM_TIMEOUT_S = 5.0
+_SILENCE_ENDS_LANDING_S = 10.0
+# An arming request that was on its way when the mission ended may still take effect.
+_SETTLE_S = 1.0
+
+
+class Move(msgspec.Struct, frozen=True):
+    """Go to `state`; `why` is told to people; `outcome` is the verdict if this ends the mission."""
+
+    state: MissionState
+    why: str
+    outcome: Outcome | None = None
+
+
+class Sequence:
+    """The states around the flight proper. Remembers only when it asked last."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._asked: set[RequestKind] = set()
+        self._asked_to_land_s = -math.inf
+        self._offboard_accepted = False
+
+    def preflight(self, tick: Tick, elapsed_s: float, silent: tuple[str, ...]) -> Move | None:
+        """Wait until nothing forbids arming, or refuse when the time is up."""
+        found = preflight.findings(
+            self._config, tick.inputs.facts, tick.inputs.status, tick.fused, silent
+        )
+        if not found:
+            return Move(MissionState.ARM, "every check on the ground passed")
+        if elapsed_s < self._config.mission.preflight_timeout_s:
+            return None
+        why = "; ".join(found)
+        return Move(MissionState.DONE, why, Outcome(Ending.PREFLIGHT_REFUSED, why))
+
+    def arm(self, tick: Tick, elapsed_s: float) -> Move | None:
+        """Arm once; refused means the flight does not happen."""
+        if tick.inputs.status.armed:
+            return Move(MissionState.TAKEOFF, "the vehicle is armed")
+        reason = tick.refusal(RequestKind.ARM)
+        if reason is None and elapsed_s > _ARM_TIMEOUT_S:
+            reason = f"it did not report armed within {_ARM_TIMEOUT_S:g} s"
+        if reason is not None:
+            why = f"the vehicle refused to arm: {reason}"
+            return Move(MissionState.LAND, why, Outcome(Ending.PREFLIGHT_REFUSED, why))
+        self._ask_once(tick, RequestKind.ARM)
+        return None
+
+    def takeoff(self, tick: Tick, elapsed_s: float) -> Move | None:
+        """Let PX4 climb to the altitude and reach Hold."""
+        status = tick.inputs.status
+        if status.landed is LandedState.IN_AIR and status.mode is FlightMode.HOLD:
+            return Move(
+                MissionState.OFFBOARD, f"took off to {-tick.fused.position_ned_m[2]:.2f} m"
+            )
+        reason = tick.refusal(RequestKind.TAKEOFF)
+        if reason is None and elapsed_s > self._config.mission.takeoff_timeout_s:
+            reason = f"not in the air after {self._config.mission.takeoff_timeout_s:g} s"
+        if reason is not None:
+            why = f"the take-off failed: {reason}"
+            return Move(MissionState.LAND, why, Outcome(Ending.PREFLIGHT_REFUSED, why))
+        self._ask_once(tick, RequestKind.TAKEOFF, self._config.mission.altitude_m)
+        return None
+
+    def offboard(self, tick: Tick, elapsed_s: float) -> Move | None:
+        """Stream setpoints, then ask for Offboard and wait until PX4 reports it."""
+        if tick.accepted(RequestKind.OFFBOARD):
+            self._offboard_accepted = True
+        if self._offboard_accepted and tick.inputs.status.mode is FlightMode.OFFBOARD:
+            return Move(MissionState.DETECT, "PX4 lets this service fly; looking around first")
+        reason = tick.refusal(RequestKind.OFFBOARD)
+        if reason is None and elapsed_s > _OFFBOARD_TIMEOUT_S:
+            reason = f"it did not switch within {_OFFBOARD_TIMEOUT_S:g} s"
+        if reason is not None:
+            why = f"PX4 refused Offboard: {reason}"
+            return Move(MissionState.LAND, why, Outcome(Ending.OFFBOARD_REFUSED, why))
+        if elapsed_s >= _STREAM_BEFORE_OFFBOARD_S:
+            self._ask_once(tick, RequestKind.OFFBOARD)
+        return None
+
+    def land(self, tick: Tick, elapsed_s: float) -> Move | None:
+        """Ask for Land until PX4 lands, disarms on the ground, then the mission is done."""
+        status = tick.inputs.status
+        if status.link_age_s > _SILENCE_ENDS_LANDING_S:
+            return Move(
+                MissionState.DONE,
+                f"the vehicle has been silent for {status.link_age_s:.0f} s; "
+                "PX4's own failsafe has it now",
+            )
+        on_ground = status.landed in (LandedState.ON_GROUND, LandedState.UNKNOWN)
+        if not status.armed and on_ground and elapsed_s >= _SETTLE_S:
+            return Move(MissionState.DONE, "landed and disarmed")
+        if elapsed_s > self._config.mission.land_timeout_s:
+            return Move(
+                MissionState.DONE,
+                f"the vehicle did not report landed and disarmed within "
+                f"{self._config.mission.land_timeout_s:g} s; take it over by hand",
+            )
+        if status.armed and tick.now_s - self._asked_to_land_s >= _REPEAT_LAND_S:
+            self._asked_to_land_s = tick.now_s
+            if status.landed is LandedState.ON_GROUND:
+                # Armed, never left the ground: PX4 accepts a plain disarm there, and refuses it
+                # should it know better.
+                tick.ask(RequestKind.DISARM)
+            elif status.mode is not FlightMode.LAND:
+                tick.ask(RequestKind.LAND)
+        return None
+
+    def ask_hold(self, tick: Tick) -> None:
+        """Ask for PX4's Hold, again when it was refused."""
+        if tick.refusal(RequestKind.HOLD) is not None:
+            self._asked.discard(RequestKind.HOLD)
+        self._ask_once(tick, RequestKind.HOLD)
+
+    def _ask_once(self, tick: Tick, kind: RequestKind, altitude_m: float = 0.0) -> None:
+        """Ask the first time only: a repeated arm or take-off is never wanted."""
+        if kind not in self._asked:
+            self._asked.add(kind)
+            tick.ask(kind, altitude_m)
