@@ -1,0 +1,142 @@
+"""The true world of a scenario: what a ray hits, how near the nearest surface is."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from hal.frames import Vector3, norm
+from hal.sim import kernels
+from hal.sim.scenario import Box, Disc, Scenario, Wall
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class RayBundles:
+    """The rays of a set of beams on the body, ready for `World.cast_many`.
+
+    `faces_frd_m`: where each beam starts; `axes_frd`: the unit direction in which it looks. With
+    `half_angle_rad` = 0 each beam is one ray; else a cone of fixed rays on three rings around its
+    axis, of which the nearest return counts. The outermost ring lies on the cone itself.
+    """
+
+    RAYS_PER_RING = (6, 12, 18)
+
+    def __init__(
+        self,
+        faces_frd_m: tuple[Vector3, ...],
+        axes_frd: tuple[Vector3, ...],
+        half_angle_rad: float = 0.0,
+    ) -> None:
+        self.faces: FloatArray = np.array(faces_frd_m, dtype=np.float64).reshape(-1, 3)
+        self.rays: FloatArray = np.array(
+            [self._cone(axis, half_angle_rad) for axis in axes_frd], dtype=np.float64
+        ).reshape(len(axes_frd), -1, 3)
+        self.distances: FloatArray = np.zeros(len(axes_frd))
+
+    @classmethod
+    def _cone(cls, axis: Vector3, half_angle_rad: float) -> list[Vector3]:
+        rays = [axis]
+        if half_angle_rad <= 0.0:
+            return rays
+        unit = np.array(axis)
+        # Any vector that is not parallel to the axis gives the two directions across it.
+        other = np.array((0.0, 0.0, 1.0) if abs(axis[2]) < 0.9 else (1.0, 0.0, 0.0))
+        u = np.cross(unit, other)
+        u /= np.linalg.norm(u)
+        v = np.cross(unit, u)
+        for ring, count in enumerate(cls.RAYS_PER_RING, start=1):
+            off_axis = half_angle_rad * ring / len(cls.RAYS_PER_RING)
+            for k in range(count):
+                turn = 2.0 * math.pi * k / count
+                across = math.cos(turn) * u + math.sin(turn) * v
+                n, e, d = (math.cos(off_axis) * unit + math.sin(off_axis) * across).tolist()
+                rays.append((n, e, d))
+        return rays
+
+
+class World:
+    """The obstacles, floor and ceiling of a scenario; positions are NED metres from take-off."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        rows = [_row(obstacle) for obstacle in scenario.obstacles]
+        self._rows: FloatArray = np.array(rows, dtype=np.float64).reshape(-1, kernels.ROW)
+        self._ceiling_m = math.inf if scenario.ceiling_m is None else scenario.ceiling_m
+
+    def at(self, time_s: float) -> "World":
+        """The world as it is at `time_s` of simulated time: itself, nothing moves yet."""
+        del time_s
+        return self
+
+    def cast(self, origin_ned_m: Vector3, direction_ned: Vector3) -> float:
+        """Distance from `origin_ned_m` to the first surface along `direction_ned` (any length
+        above 0; ValueError otherwise): inf when there is none, 0 from inside an obstacle.
+        """
+        length = norm(direction_ned)
+        if not 0.0 < length < math.inf:
+            raise ValueError(f"{direction_ned} is not a direction: give a vector longer than 0")
+        n, e, d = direction_ned
+        distance_m: float = kernels.cast_ray(
+            self._rows, self._ceiling_m, *origin_ned_m, n / length, e / length, d / length
+        )
+        return distance_m
+
+    def cast_many(
+        self,
+        position_ned_m: Vector3,
+        roll_rad: float,
+        pitch_rad: float,
+        yaw_rad: float,
+        bundles: RayBundles,
+    ) -> list[float]:
+        """Nearest return of every bundle, seen from a body with this position and attitude."""
+        kernels.cast_bundles(
+            self._rows,
+            self._ceiling_m,
+            *position_ned_m,
+            roll_rad,
+            pitch_rad,
+            yaw_rad,
+            bundles.faces,
+            bundles.rays,
+            bundles.distances,
+        )
+        distances_m: list[float] = bundles.distances.tolist()
+        return distances_m
+
+    def clearance_m(self, position_ned_m: Vector3) -> float:
+        """Horizontal distance from a point to the nearest surface of the obstacles that are there
+        at its height: negative inside one, inf when there is none.
+        """
+        clearance_m: float = kernels.clearance(self._rows, *position_ned_m)
+        return clearance_m
+
+    def collides(self, position_ned_m: Vector3, body_radius_m: float) -> bool:
+        """True when a level disc of `body_radius_m` about the point touches an obstacle, or the
+        point is at the ceiling. The floor is not a collision: vehicles stand on it.
+        """
+        if -position_ned_m[2] >= self._ceiling_m:
+            return True
+        return self.clearance_m(position_ned_m) <= body_radius_m
+
+
+def _row(obstacle: Disc | Box | Wall) -> tuple[float, ...]:
+    """One obstacle as the kernels want it."""
+    # What stands on the floor goes on below it: a vehicle that rests a millimetre too deep still
+    # sees it.
+    bottom_m = obstacle.base_m if obstacle.base_m > 0.0 else -math.inf
+    top_m = math.inf if obstacle.height_m is None else obstacle.height_m
+    if isinstance(obstacle, Disc):
+        radius_m = obstacle.radius_m
+        return (kernels.DISC, *obstacle.centre_ne_m, 1.0, 0.0, radius_m, radius_m, bottom_m, top_m)
+    shape = obstacle.footprint
+    return (
+        kernels.BOX,
+        *shape.centre_ne_m,
+        math.cos(shape.yaw_rad),
+        math.sin(shape.yaw_rad),
+        shape.half_along_m,
+        shape.half_across_m,
+        bottom_m,
+        top_m,
+    )
