@@ -1,4 +1,4 @@
-"""Ray casting and distances in compiled code: every numba kernel of the simulation is here.
+"""Ray casting and distances in the world, in compiled code: every kernel of the world is here.
 
 numba's disk cache does not notice changes of called functions in other files, hence one file.
 
@@ -10,7 +10,10 @@ half across, underside and top as heights above the floor (-inf and inf allowed)
 import math
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
+
+FloatArray = npt.NDArray[np.float64]
 
 ROW = 9
 DISC = 0.0
@@ -18,8 +21,8 @@ BOX = 1.0
 _PARALLEL = 1e-12  # direction components below this never reach a surface within a room
 
 
-@njit(cache=True)
-def _slab(offset, slope, low, high):  # type: ignore[no-untyped-def]  # numba infers
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def _slab(offset: float, slope: float, low: float, high: float) -> tuple[float, float]:
     """Ray parameters between which low <= offset + t * slope <= high: (enter, leave)."""
     if abs(slope) < _PARALLEL:
         if low <= offset <= high:
@@ -29,8 +32,10 @@ def _slab(offset, slope, low, high):  # type: ignore[no-untyped-def]  # numba in
     return min(first, second), max(first, second)
 
 
-@njit(cache=True)
-def _disc(offset_n, offset_e, slope_n, slope_e, radius):  # type: ignore[no-untyped-def]  # numba
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def _disc(
+    offset_n: float, offset_e: float, slope_n: float, slope_e: float, radius: float
+) -> tuple[float, float]:
     """Ray parameters between which the ray is inside a vertical cylinder: (enter, leave)."""
     a = slope_n * slope_n + slope_e * slope_e
     c = offset_n * offset_n + offset_e * offset_e - radius * radius
@@ -46,8 +51,17 @@ def _disc(offset_n, offset_e, slope_n, slope_e, radius):  # type: ignore[no-unty
     return (-b - root) / a, (-b + root) / a
 
 
-@njit(cache=True)
-def _ray(world, ceiling, north, east, height, dn, de, dh):  # type: ignore[no-untyped-def]  # numba
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def _ray(
+    world: FloatArray,
+    ceiling: float,
+    north: float,
+    east: float,
+    height: float,
+    dn: float,
+    de: float,
+    dh: float,
+) -> float:
     """Distance to the first surface along a unit direction; inf for none, 0 from inside one."""
     best = math.inf
     if dh < -_PARALLEL:
@@ -76,16 +90,35 @@ def _ray(world, ceiling, north, east, height, dn, de, dh):  # type: ignore[no-un
     return best
 
 
-@njit(cache=True)
-def cast_ray(world, ceiling, north, east, down, dn, de, dd):  # type: ignore[no-untyped-def]  # numba
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def cast_ray(
+    world: FloatArray,
+    ceiling: float,
+    north: float,
+    east: float,
+    down: float,
+    dn: float,
+    de: float,
+    dd: float,
+) -> float:
     """Distance along one NED unit direction; the floor is at down = 0."""
     return _ray(world, ceiling, north, east, -down, dn, de, -dd)
 
 
-@njit(cache=True)
-def cast_bundles(  # type: ignore[no-untyped-def]  # numba infers
-    world, ceiling, north, east, down, roll, pitch, yaw, faces_frd, rays_frd, out
-):
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def cast_bundles(
+    world: FloatArray,
+    ceiling: float,
+    north: float,
+    east: float,
+    down: float,
+    roll: float,
+    pitch: float,
+    yaw: float,
+    faces_frd: FloatArray,
+    rays_frd: FloatArray,
+    out: FloatArray,
+) -> None:
     """Write the nearest return of each bundle into `out`.
 
     faces_frd (beams, 3): the sensors' positions on the body; rays_frd (beams, rays, 3): unit
@@ -120,8 +153,8 @@ def cast_bundles(  # type: ignore[no-untyped-def]  # numba infers
         out[b] = nearest
 
 
-@njit(cache=True)
-def clearance(world, north, east, down):  # type: ignore[no-untyped-def]  # numba infers
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def clearance(world: FloatArray, north: float, east: float, down: float) -> float:
     """Signed horizontal distance to the nearest obstacle that is there at that height."""
     nearest = math.inf
     for i in range(world.shape[0]):

@@ -3,13 +3,11 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from hal.frames import Vector3, norm
 from hal.sim import kernels
+from hal.sim.kernels import FloatArray
 from hal.sim.scenario import Box, Disc, Scenario, Wall
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class RayBundles:
@@ -76,10 +74,9 @@ class World:
         if not 0.0 < length < math.inf:
             raise ValueError(f"{direction_ned} is not a direction: give a vector longer than 0")
         n, e, d = direction_ned
-        distance_m: float = kernels.cast_ray(
+        return kernels.cast_ray(
             self._rows, self._ceiling_m, *origin_ned_m, n / length, e / length, d / length
         )
-        return distance_m
 
     def cast_many(
         self,
@@ -108,8 +105,7 @@ class World:
         """Horizontal distance from a point to the nearest surface of the obstacles that are there
         at its height: negative inside one, inf when there is none.
         """
-        clearance_m: float = kernels.clearance(self._rows, *position_ned_m)
-        return clearance_m
+        return kernels.clearance(self._rows, *position_ned_m)
 
     def collides(self, position_ned_m: Vector3, body_radius_m: float) -> bool:
         """True when a level disc of `body_radius_m` about the point touches an obstacle, or the
