@@ -1,0 +1,226 @@
+"""Whole missions in process, on a simulated clock: the same pilot, guard, sensors and world.
+
+No MAVLink, no asyncio, no waiting: a flight of a minute takes a fraction of a second. What a
+seed gives once it gives always.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from autonomy.config import Config
+from autonomy.geometry import Point, distance
+from autonomy.mission.guarded import Command, GuardedPilot
+from autonomy.model import Inputs, MissionState, OperatorCommand, Outcome
+from autonomy.t3drm.timing import TimeRecord
+from hal.clock import SimClock
+from hal.frames import Vector3
+from hal.setpoints import Reply
+from hal.sim.autopilot import Autopilot
+from hal.sim.faults import with_beam_faults
+from hal.sim.scenario import Scenario
+from hal.sim.sensors import EstimatorError, SimulatedBeams, SimulatedGnss
+from hal.sim.vehicle import SimVehicle
+from hal.sim.world import World
+
+_BOOT_S = 6.0
+"""The autopilot's time from power to armable; flown through before the mission starts."""
+
+
+@dataclass
+class SimulatedFlight:
+    """What a simulated flight was, with the truth that only a simulation knows."""
+
+    outcome: Outcome
+    flight_time_s: float
+    navigation_time_s: float
+    path_length_m: float
+    true_clearance_m: float
+    collided: bool
+    stops: int
+    replans: int
+    final_error_m: float
+    max_speed_m_s: float
+    simulated_s: float
+    wall_s: float
+    time_record: TimeRecord
+    track: list[Point] = field(default_factory=list)
+    commands: list[Command] = field(default_factory=list)
+
+
+class Simulation:
+    """One scenario, one vehicle, one pilot; `run()` flies the mission to its end."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        config: Config,
+        route: tuple[Vector3, ...],
+        seed: int = 0,
+    ) -> None:
+        """`config.guard.fence` is taken as given: callers put the scenario's there."""
+        streams = [
+            np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(4)
+        ]
+        self.clock = SimClock()
+        self.world = World(scenario)
+        self._scenario = scenario
+        self._config = config
+        self.vehicle = SimVehicle(
+            Autopilot(scenario, streams[0]),
+            self.clock,
+            EstimatorError(scenario.estimator, streams[1]),
+        )
+        self._beams = with_beam_faults(
+            SimulatedBeams(self.world, config.beams, scenario.beams, streams[2]),
+            scenario.faults,
+            streams[2],
+        )
+        self._gnss = SimulatedGnss(scenario.gnss, streams[3])
+        self.guarded = GuardedPilot(config, route)
+        self._replies: list[Reply] = []
+        self.pending: list[OperatorCommand] = []
+        """Operator commands for the next tick."""
+
+    def inputs(self) -> Inputs:
+        """What the pilot may know now."""
+        truth = self.vehicle.truth()
+        now_s = self.clock.now_s()
+        inputs = Inputs(
+            now_s=now_s,
+            ranges=self._beams.sample(
+                now_s,
+                truth.position_ned_m,
+                truth.roll_rad,
+                truth.pitch_rad,
+                truth.yaw_rad,
+            ),
+            local_position=self.vehicle.local_position(),
+            attitude=self.vehicle.attitude(),
+            gnss=self._gnss.sample(now_s, truth.position_ned_m),
+            status=self.vehicle.status(),
+            facts=self.vehicle.facts(),
+            replies=tuple(self._replies),
+            commands=tuple(self.pending),
+        )
+        self._replies.clear()
+        self.pending.clear()
+        return inputs
+
+    def tick(self) -> Command:
+        """Sense, decide, act, and let one period pass."""
+        command = self.guarded.step(self.inputs())
+        if command.wire_setpoint is not None:
+            self.vehicle.send(command.wire_setpoint)
+        for request in command.decision.requests:
+            self._replies.append(self.vehicle.execute_now(request))
+        self.vehicle.advance(1.0 / self._config.control.rate_hz)
+        return command
+
+    def run(
+        self,
+        *,
+        on_tick: Callable[["Simulation", Command], None] | None = None,
+        keep_commands: bool = False,
+        limit_s: float = 3600.0,
+    ) -> SimulatedFlight:
+        """Fly until the pilot says DONE; raises TimeoutError after `limit_s` simulated seconds."""
+        started = time.perf_counter()
+        self.vehicle.advance(_BOOT_S)
+        book = _Book(self._scenario.vehicle.body_radius_m)
+        while True:
+            before = time.perf_counter()
+            command = self.tick()
+            book.note(self, command, time.perf_counter() - before)
+            if keep_commands:
+                book.commands.append(command)
+            if on_tick is not None:
+                on_tick(self, command)
+            if command.decision.outcome is not None:
+                return book.close(command, time.perf_counter() - started)
+            if self.clock.now_s() > limit_s:
+                raise TimeoutError(f"the simulated mission did not end within {limit_s:g} s")
+
+
+class _Book:
+    """Adds up a flight as it happens."""
+
+    def __init__(self, body_radius_m: float) -> None:
+        self._body_radius_m = body_radius_m
+        self._airborne_from_s: float | None = None
+        self._navigating: list[float] = []
+        self._clearance_m = float("inf")
+        self._collided = False
+        self._max_speed_m_s = 0.0
+        self._length_m = 0.0
+        self._record = TimeRecord()
+        self._error_m = float("inf")
+        self._last_s = 0.0
+        self.track: list[Point] = []
+        self.commands: list[Command] = []
+
+    def note(self, simulation: Simulation, command: Command, step_s: float) -> None:
+        """One tick's truth."""
+        truth = simulation.vehicle.truth()
+        decision = command.decision
+        self._last_s = decision.now_s
+        if decision.plan is not None:
+            self._record.replanned(step_s, len(decision.plan.obstacles))
+        if -truth.position_ned_m[2] < 0.1:
+            return
+        if self._airborne_from_s is None:
+            self._airborne_from_s = decision.now_s
+        point = (truth.position_ned_m[0], truth.position_ned_m[1])
+        if self.track:
+            self._length_m += distance(self.track[-1], point)
+        self.track.append(point)
+        clearance_m = simulation.world.clearance_m(truth.position_ned_m)
+        self._clearance_m = min(self._clearance_m, clearance_m)
+        self._collided |= simulation.world.collides(truth.position_ned_m, self._body_radius_m)
+        velocity = truth.velocity_ned_m_s
+        self._max_speed_m_s = max(
+            self._max_speed_m_s, (velocity[0] ** 2 + velocity[1] ** 2) ** 0.5
+        )
+        if decision.state not in (MissionState.TAKEOFF, MissionState.LAND, MissionState.DONE):
+            self._navigating.append(decision.now_s)
+            self._error_m = distance(point, simulation.guarded.pilot.goal[:2])
+
+    def close(self, command: Command, wall_s: float) -> SimulatedFlight:
+        """The finished record."""
+        outcome = command.decision.outcome
+        if outcome is None:
+            raise ValueError("the flight has no outcome yet: close the book at its end")
+        airborne_s = self._airborne_from_s
+        return SimulatedFlight(
+            outcome=outcome,
+            flight_time_s=self._last_s - airborne_s if airborne_s is not None else 0.0,
+            navigation_time_s=self._navigating[-1] - self._navigating[0]
+            if self._navigating
+            else 0.0,
+            path_length_m=self._length_m,
+            true_clearance_m=self._clearance_m,
+            collided=self._collided,
+            stops=command.decision.stops,
+            replans=command.decision.replans,
+            final_error_m=self._error_m,
+            max_speed_m_s=self._max_speed_m_s,
+            simulated_s=self._last_s,
+            wall_s=wall_s,
+            time_record=self._record,
+            track=self.track,
+            commands=self.commands,
+        )
+
+
+def with_scenario(config: Config, scenario: Scenario) -> Config:
+    """The configuration for flying in a scenario: its fence, its body."""
+    guard = config.guard.model_copy(update={"fence": scenario.fence})
+    return config.model_copy(update={"guard": guard})
+
+
+def goal_of(scenario: Scenario, config: Config) -> Vector3:
+    """The scenario's suggested goal at the mission's altitude."""
+    return (*scenario.goal_ne_m, -config.mission.altitude_m)
+
