@@ -121,10 +121,10 @@ class GuardConfig(Section):
     position_max_age_s: Positive = 0.3
     leash_m: Positive = 0.6
     """How far the setpoint's position may lie from the vehicle's."""
-    reaction_s: NonNegative = 0.35
+    reaction_s: NonNegative = 0.6
     """How long the vehicle flies on before it brakes: one tick, the link, PX4's own lag."""
     braking_m_s2: Positive = 0.5
-    """Deceleration that the measured PX4 response supports (tests/golden/px4)."""
+    """With `reaction_s`: bounds the measured stop of a held position (hal/vehicle/guard.py)."""
     position_gain_per_s: NonNegative = 0.95
     """PX4's MPC_XY_P: what a position error adds to the velocity command."""
     beam_stop_m: Positive = 0.185
