@@ -1,0 +1,660 @@
+"""PX4's mode logic as a deterministic state machine on its own time, around a simulated vehicle.
+
+Which request is refused, what is said about it, when the motors really lift, what happens when
+setpoints stop: all as measured on PX4 main bb59c637cd, SIH quadrotor, 2026-11. There is no remote
+control, as indoors with a companion computer.
+"""
+
+import math
+from collections import deque
+from typing import Protocol
+
+import msgspec
+import numpy as np
+
+from hal.frames import ZERO3, Vector3, add, ned_from_frd, norm, scale, wrap_pi
+from hal.sim.px4 import (
+    AutopilotText,
+    Landed,
+    Mode,
+    Parameters,
+    Result,
+    Severity,
+    SystemStatus,
+)
+from hal.sim.quadrotor import EXACT, FREE3, Command, Limits, Motors, Quadrotor
+from hal.sim.sensors import EstimateOffset
+
+# Measured intervals that are no parameters.
+_DETECT_AFTER_SPOOL_UP_S = 0.83
+_LIFT_OFF_AUTO_S = -0.1  # against the end of the thrust ramp, MPC_TKO_RAMP_T
+_LIFT_OFF_OFFBOARD_S = -0.7
+_LANDING_DETECTED_S = 1.8
+_FREE_FALL_LANDED_S = 0.43
+_OFFBOARD_LOSS_JITTER_S = (0.02, 0.12)
+# Measured vertical profiles: velocity per height still to go, its limit and slew.
+_TAKEOFF_GAIN_PER_S, _TAKEOFF_MAX_M_S = 0.5, 0.77
+_RETURN_CLIMB_GAIN_PER_S = 0.4
+_CLIMB_SLEW_M_S2 = 0.8
+_RETURN_CLIMB_SLEW_M_S2 = 2.5
+_DESCENT_SLEW_M_S2 = 1.5
+_CRAWL_BELOW_M = 0.9
+# Return: the height over home is this times the distance (measured twice), horizontally homing.
+_RETURN_CONE = math.sqrt(3.0)
+_HOMING_GAIN_PER_S, _HOMING_MAX_M_S = 0.6, 1.5
+
+_NAMES = {
+    Mode.MANUAL: "Manual",
+    Mode.ALTITUDE: "Altitude",
+    Mode.POSITION: "Position",
+    Mode.ACRO: "Acro",
+    Mode.STABILIZED: "Stabilized",
+    Mode.OFFBOARD: "Offboard",
+    Mode.MISSION: "Mission",
+}
+_OBL_ACTIONS = {4: Mode.LAND, 5: Mode.HOLD}
+
+
+class _VehiclePart(Protocol):
+    @property
+    def drag_per_mass_s(self) -> float: ...
+    @property
+    def parameters(self) -> dict[str, float]: ...
+
+
+class _ScenarioPart(Protocol):
+    @property
+    def vehicle(self) -> _VehiclePart: ...
+    @property
+    def start_yaw_deg(self) -> float: ...
+    @property
+    def gnss(self) -> "_OriginPart": ...
+
+
+class _OriginPart(Protocol):
+    @property
+    def origin(self) -> Vector3: ...
+
+
+class Braking(msgspec.Struct, frozen=True):
+    """PX4's jerk-limited stop from a velocity: triangular deceleration within MPC_JERK_AUTO."""
+
+    start_s: float
+    position_ned_m: Vector3
+    velocity_ned_m_s: Vector3
+    duration_s: float
+
+    @classmethod
+    def plan(
+        cls, now_s: float, position_ned_m: Vector3, velocity_ned_m_s: Vector3, jerk_m_s3: float
+    ) -> "Braking":
+        """A stop that begins now: its deceleration rises and falls in 2 sqrt(speed / jerk)."""
+        duration_s = 2.0 * math.sqrt(norm(velocity_ned_m_s) / max(jerk_m_s3, 0.1))
+        return cls(now_s, position_ned_m, velocity_ned_m_s, duration_s)
+
+    @property
+    def end_ned_m(self) -> Vector3:
+        """Where the stop ends."""
+        return add(self.position_ned_m, scale(self.velocity_ned_m_s, 0.5 * self.duration_s))
+
+    def at(self, now_s: float) -> tuple[Vector3, Vector3, Vector3]:
+        """(position, velocity, acceleration) of the stop at `now_s`."""
+        if now_s >= self.start_s + self.duration_s:
+            return self.end_ned_m, ZERO3, ZERO3
+        x = (now_s - self.start_s) / self.duration_s
+        if x < 0.5:
+            path, speed, slope = x - 2.0 * x**3 / 3.0, 1.0 - 2.0 * x * x, -4.0 * x
+        else:
+            y = 1.0 - x
+            path, speed, slope = 0.5 - 2.0 * y**3 / 3.0, 2.0 * y * y, -4.0 * y
+        v = self.velocity_ned_m_s
+        return (
+            add(self.position_ned_m, scale(v, path * self.duration_s)),
+            scale(v, speed),
+            scale(v, slope / self.duration_s),
+        )
+
+
+class Autopilot:
+    """A PX4 multicopter without its wires. Requests answer with MAV_RESULT at once.
+
+    Of the scenario only `vehicle`, `start_yaw_deg` and the GNSS origin are read. It becomes
+    armable `boot_s` seconds after it starts (PX4 in simulation: 4.2 s).
+    """
+
+    def __init__(
+        self, scenario: _ScenarioPart, rng: np.random.Generator, *, boot_s: float = 0.0
+    ) -> None:
+        self.parameters = Parameters()
+        for name, value in scenario.vehicle.parameters.items():
+            self.parameters.set(name, value)
+        self.quadrotor = Quadrotor(
+            drag_per_mass_s=scenario.vehicle.drag_per_mass_s,
+            yaw_rad=wrap_pi(math.radians(scenario.start_yaw_deg)),
+        )
+        self.origin: Vector3 = scenario.gnss.origin
+        self.texts: deque[AutopilotText] = deque(maxlen=256)
+        self.battery_override: float | None = None
+        self._rng = rng
+        self._boot_s = boot_s
+        self._fault = ""
+        self._now_s = 0.0
+        self._error = EXACT
+        self._intended = Mode.HOLD
+        self._before_landing = Mode.HOLD
+        self._failsafe: Mode | None = None
+        self._entered: Mode | None = None
+        self._armed = False
+        self._armed_s = 0.0
+        self._landed = True
+        self._airborne = False
+        self._kill_s: float | None = None
+        self._ramp_s: float | None = None
+        self._landed_s: float | None = None
+        self._touch_s: float | None = None
+        self._flown = False
+        self._setpoint = Command()
+        self._setpoint_s = -math.inf
+        self._loss_jitter_s = 0.0
+        self._home_ned_m: Vector3 = ZERO3
+        self._braking = Braking(0.0, ZERO3, ZERO3, 0.0)
+        self._hold_yaw_rad = self.quadrotor.yaw_rad
+        self._climb_to_m: float | None = None
+        self._vertical_sp_m_s = 0.0
+        self._return_height_m = 0.0
+        self._return_phase = "climb"
+        self._battery = 1.0
+        self._apply_limits()
+
+    # ------------------------------------------------------------ what it is
+
+    @property
+    def now_s(self) -> float:
+        """Seconds since it started (PX4's boot time)."""
+        return self._now_s
+
+    @property
+    def armed(self) -> bool:
+        """True while the motors may turn."""
+        return self._armed
+
+    @property
+    def mode(self) -> Mode:
+        """The mode that is flown: the failsafe's, else the one that was asked for."""
+        return self._failsafe or self._intended
+
+    @property
+    def intended_mode(self) -> Mode:
+        """The mode that was asked for."""
+        return self._intended
+
+    @property
+    def in_failsafe(self) -> bool:
+        """True while a failsafe flies the vehicle."""
+        return self._failsafe is not None
+
+    @property
+    def landed(self) -> Landed:
+        """PX4's own belief, which is later than the truth by up to two seconds."""
+        if self._landed:
+            return Landed.ON_GROUND
+        if self.mode is Mode.TAKEOFF:
+            return Landed.TAKEOFF
+        if self.mode is Mode.LAND or (
+            self.mode is Mode.RETURN and self._return_phase == "land" and self._entered is self.mode
+        ):
+            return Landed.LANDING
+        return Landed.IN_AIR
+
+    @property
+    def not_armable_because(self) -> str:
+        """Why arming would be refused; empty when it would not."""
+        if self._now_s < self._boot_s:
+            return "Preflight Fail: no heading reference"
+        if self._fault:
+            return self._fault
+        if self._intended.needs_pilot:
+            return "Mode needs a remote control"
+        if self._intended is Mode.OFFBOARD and not self._setpoint_fresh():
+            return "No offboard signal"
+        return ""
+
+    @property
+    def system_status(self) -> SystemStatus:
+        """As in the heartbeat."""
+        if self._armed:
+            return SystemStatus.CRITICAL if self.in_failsafe else SystemStatus.ACTIVE
+        return SystemStatus.UNINIT if self.not_armable_because else SystemStatus.STANDBY
+
+    @property
+    def base_mode(self) -> int:
+        """As in the heartbeat."""
+        return self.mode.base_mode + (128 if self._armed else 0)
+
+    @property
+    def battery_remaining(self) -> float:
+        """0..1. PX4's simulated battery: down to a half in 30 s of arming, full when disarmed."""
+        return self._battery if self.battery_override is None else self.battery_override
+
+    @property
+    def home_ned_m(self) -> Vector3:
+        """Where it was armed last, in its own estimate."""
+        return self._home_ned_m
+
+    @property
+    def estimate_offset(self) -> EstimateOffset:
+        """Estimate minus truth at the last step."""
+        return self._error
+
+    @property
+    def estimated_position_ned_m(self) -> Vector3:
+        """What it believes."""
+        return add(self.quadrotor.position_ned_m, self._error.position_ned_m)
+
+    @property
+    def estimated_velocity_ned_m_s(self) -> Vector3:
+        """What it believes."""
+        return add(self.quadrotor.velocity_ned_m_s, self._error.velocity_ned_m_s)
+
+    @property
+    def estimated_yaw_rad(self) -> float:
+        """What it believes."""
+        return wrap_pi(self.quadrotor.yaw_rad + self._error.yaw_rad)
+
+    # ------------------------------------------------------------ requests
+
+    def arm(self) -> Result:
+        """MAV_CMD_COMPONENT_ARM_DISARM with 1."""
+        if self._armed:
+            return Result.ACCEPTED
+        reason = self.not_armable_because
+        if reason:
+            if reason.startswith("Preflight"):
+                self._say(Severity.WARNING, reason)
+            self._say(Severity.CRITICAL, "Arming denied: Resolve system health failures first")
+            return Result.TEMPORARILY_REJECTED
+        self._armed = True
+        self._armed_s = self._now_s
+        self._home_ned_m = self.estimated_position_ned_m
+        self._airborne = self._flown = False
+        self._ramp_s = self._landed_s = self._touch_s = None
+        self._entered = None
+        self._say(Severity.INFO, "Armed by external command")
+        return Result.ACCEPTED
+
+    def disarm(self, *, force: bool = False) -> Result:
+        """MAV_CMD_COMPONENT_ARM_DISARM with 0; `force` cuts the motors in the air as well."""
+        if not self._armed:
+            return Result.ACCEPTED
+        if not self._landed and not force:
+            self._say(Severity.CRITICAL, "Disarming denied: not landed")
+            return Result.TEMPORARILY_REJECTED
+        self._disarm("Disarmed by external command")
+        return Result.ACCEPTED
+
+    def takeoff(self, altitude_amsl_m: float | None = None) -> Result:
+        """MAV_CMD_NAV_TAKEOFF; None (NaN on the wire) climbs MIS_TAKEOFF_ALT above home."""
+        height_m = float(self.parameters["MIS_TAKEOFF_ALT"])
+        base_ned_m = self._home_ned_m if self._armed else self.estimated_position_ned_m
+        target_m = base_ned_m[2] - height_m
+        if altitude_amsl_m is not None and math.isfinite(altitude_amsl_m):
+            target_m = self.origin[2] - altitude_amsl_m
+        elif self._armed:
+            self._say(Severity.INFO, f"Using default takeoff altitude: {height_m:.1f} m")
+        self._command(Mode.TAKEOFF)
+        self._climb_to_m = min(target_m, self.estimated_position_ned_m[2])
+        return Result.ACCEPTED
+
+    def land(self) -> Result:
+        """MAV_CMD_NAV_LAND."""
+        self._say(Severity.INFO, "Landing at current position")
+        self._command(Mode.LAND)
+        return Result.ACCEPTED
+
+    def return_to_launch(self) -> Result:
+        """MAV_CMD_NAV_RETURN_TO_LAUNCH."""
+        self._say(Severity.INFO, "Returning to launch")
+        self._command(Mode.RETURN)
+        return Result.ACCEPTED
+
+    def hold_at(self, position_ned_m: Vector3) -> Result:
+        """MAV_CMD_DO_REPOSITION: hold there; NaN components stay as they are."""
+        here = self.estimated_position_ned_m
+        n, e, d = (h if math.isnan(p) else p for p, h in zip(position_ned_m, here, strict=True))
+        self._command(Mode.HOLD)
+        if self._armed:
+            self._enter(Mode.HOLD)
+            self._braking = Braking(self._now_s, (n, e, d), ZERO3, 0.0)
+        return Result.ACCEPTED
+
+    def set_mode(self, main: int, sub: int = 0) -> Result:
+        """MAV_CMD_DO_SET_MODE. Disarmed every mode is taken; armed only one that can be flown."""
+        try:
+            mode = Mode(sub << 24 | main << 16)
+        except ValueError:
+            self._say(Severity.CRITICAL, "Unsupported main mode")
+            return Result.TEMPORARILY_REJECTED
+        if self._armed and not self._available(mode):
+            self._say(
+                Severity.CRITICAL,
+                f"Switching to {_NAMES[mode]} is currently not available",
+            )
+            return Result.TEMPORARILY_REJECTED
+        if mode is Mode.TAKEOFF and self._climb_to_m is None:
+            self._climb_to_m = self._home_ned_m[2] - float(self.parameters["MIS_TAKEOFF_ALT"])
+        self._command(mode)
+        return Result.ACCEPTED
+
+    def set_setpoint(
+        self,
+        position_ned_m: Vector3 = FREE3,
+        velocity_ned_m_s: Vector3 = FREE3,
+        yaw_rad: float = math.nan,
+        yaw_rate_rad_s: float = math.nan,
+    ) -> None:
+        """One offboard setpoint in local NED, valid from now on; NaN leaves a component free."""
+        self._setpoint = Command(position_ned_m, velocity_ned_m_s, yaw_rad, yaw_rate_rad_s)
+        self._setpoint_s = self._now_s
+
+    def set_body_setpoint(
+        self, velocity_frd_m_s: Vector3, yaw_rad: float, yaw_rate_rad_s: float
+    ) -> None:
+        """One offboard velocity in the body frame, turned by yaw alone as PX4 does."""
+        velocity = ned_from_frd(velocity_frd_m_s, self.estimated_yaw_rad)
+        self.set_setpoint(FREE3, velocity, yaw_rad, yaw_rate_rad_s)
+
+    def set_parameter(self, name: str, value: float) -> Result:
+        """Set a parameter without range check; DENIED for an unknown name."""
+        if not self.parameters.set(name, value):
+            return Result.DENIED
+        self._apply_limits()
+        return Result.ACCEPTED
+
+    def set_fault(self, reason: str) -> None:
+        """Make arming impossible for `reason` (PX4's words), or possible again with ''."""
+        self._fault = reason
+
+    # ------------------------------------------------------------ time
+
+    def step(self, dt_s: float, error: EstimateOffset = EXACT) -> None:
+        """Let `dt_s` seconds pass while the estimate is off by `error`."""
+        self._now_s += dt_s
+        self._error = error
+        self._drain_battery(dt_s)
+        if not self._armed:
+            self._fall_or_rest(dt_s)
+            return
+        self._check_offboard()
+        if self._entered is not self.mode:
+            self._enter(self.mode)
+        command = self._fly(dt_s)
+        self._lift_off(command)
+        self.quadrotor.step(dt_s, command, Motors.FLYING if self._airborne else Motors.IDLE, error)
+        self._detect_landing(command)
+        self._auto_disarm()
+
+    def _fall_or_rest(self, dt_s: float) -> None:
+        self.quadrotor.step(dt_s, Command(), Motors.STOPPED, self._error)
+        since = self._kill_s
+        if since is not None and (
+            self.quadrotor.on_ground or self._now_s - since > _FREE_FALL_LANDED_S
+        ):
+            self._landed = True
+
+    def _drain_battery(self, dt_s: float) -> None:
+        if not self._armed:
+            self._battery = 1.0
+            return
+        least = 0.01 * float(self.parameters["SIM_BAT_MIN_PCT"])
+        drain_s = max(float(self.parameters["SIM_BAT_DRAIN"]), 1.0)
+        self._battery = max(min(least, self._battery), self._battery - dt_s / drain_s)
+
+    # ------------------------------------------------------------ modes
+
+    def _command(self, mode: Mode) -> None:
+        if mode in (Mode.LAND, Mode.RETURN) and self._intended not in (Mode.LAND, Mode.RETURN):
+            self._before_landing = self._intended
+        if mode is not Mode.TAKEOFF:
+            self._climb_to_m = None
+        self._intended = mode
+        self._failsafe = None
+        self._entered = None
+        self._loss_jitter_s = float(self._rng.uniform(*_OFFBOARD_LOSS_JITTER_S))
+
+    def _available(self, mode: Mode) -> bool:
+        if mode is Mode.OFFBOARD:
+            return self._setpoint_fresh()
+        return not mode.needs_pilot and mode is not Mode.MISSION
+
+    def _setpoint_fresh(self, extra_s: float = 0.0) -> bool:
+        limit_s = float(self.parameters["COM_OF_LOSS_T"]) + extra_s
+        return self._now_s - self._setpoint_s <= limit_s
+
+    def _check_offboard(self) -> None:
+        if self._intended is not Mode.OFFBOARD or self._landed:
+            return
+        if self._failsafe is not None:
+            if self._setpoint_fresh():
+                self._failsafe = None
+            return
+        if self._setpoint_fresh(self._loss_jitter_s):
+            return
+        self._loss_jitter_s = float(self._rng.uniform(*_OFFBOARD_LOSS_JITTER_S))
+        # Without a remote control every fallback to a piloted mode ends in a return.
+        self._failsafe = _OBL_ACTIONS.get(int(self.parameters["COM_OBL_RC_ACT"]), Mode.RETURN)
+        self._say(Severity.CRITICAL, "Failsafe activated")
+
+    def _enter(self, mode: Mode) -> None:
+        """Take over from the mode before: where to stop, how high to climb."""
+        previous, self._entered = self._entered, mode
+        here, moving = self.estimated_position_ned_m, self.estimated_velocity_ned_m_s
+        self._braking = Braking.plan(
+            self._now_s, here, moving, float(self.parameters["MPC_JERK_AUTO"])
+        )
+        self._hold_yaw_rad = wrap_pi(self.estimated_yaw_rad + 0.4 * self.quadrotor.yaw_rate_rad_s)
+        self._vertical_sp_m_s = moving[2] if self._airborne else 0.0
+        if mode is Mode.HOLD and previous is not Mode.TAKEOFF:
+            self._climb_to_m = None
+        if mode is Mode.RETURN:
+            self._plan_return(here)
+
+    def _plan_return(self, here: Vector3) -> None:
+        home = self._home_ned_m
+        height = home[2] - here[2]
+        away = math.hypot(here[0] - home[0], here[1] - home[1])
+        cone = min(_RETURN_CONE * away, float(self.parameters["RTL_RETURN_ALT"]))
+        self._return_height_m = max(height, cone)
+        self._return_phase = "climb"
+        amsl = self.origin[2] - home[2] + self._return_height_m
+        self._say(
+            Severity.INFO,
+            f"RTL: start return at {amsl:.0f} m ({self._return_height_m:.0f} m above destination)",
+        )
+
+    # ------------------------------------------------------------ flying
+
+    def _fly(self, dt_s: float) -> Command:
+        mode = self.mode
+        if mode is Mode.OFFBOARD:
+            return self._offboard_command()
+        if mode is Mode.LAND:
+            return self._descend(dt_s, self._braking)
+        if mode is Mode.RETURN:
+            return self._return(dt_s)
+        if mode is Mode.TAKEOFF:
+            return self._climb(dt_s)
+        return self._hold(dt_s)
+
+    def _offboard_command(self) -> Command:
+        setpoint = self._setpoint
+        if math.isnan(setpoint.yaw_rad) and math.isnan(setpoint.yaw_rate_rad_s):
+            return msgspec.structs.replace(setpoint, yaw_rad=self._hold_yaw_rad)
+        return setpoint
+
+    def _slew(self, target_m_s: float, slew_m_s2: float, dt_s: float) -> float:
+        step = slew_m_s2 * dt_s
+        change = target_m_s - self._vertical_sp_m_s
+        self._vertical_sp_m_s += min(max(change, -step), step)
+        return self._vertical_sp_m_s
+
+    def _locked(self, vertical_m_s: float) -> Command:
+        """Stand horizontally where the stop ends, move vertically."""
+        p, v, a = self._braking.at(self._now_s)
+        return Command(
+            (p[0], p[1], math.nan),
+            (v[0], v[1], vertical_m_s),
+            self._hold_yaw_rad,
+            acceleration_ned_m_s2=(a[0], a[1], 0.0),
+        )
+
+    def _hold(self, dt_s: float) -> Command:
+        if self._climb_to_m is not None:
+            to_go = self.estimated_position_ned_m[2] - self._climb_to_m
+            if abs(to_go) > 0.15 and self._airborne:
+                return self._locked(self._slew(self._climb_rate(to_go), _CLIMB_SLEW_M_S2, dt_s))
+        p, v, a = self._braking.at(self._now_s)
+        down = p[2] if self._climb_to_m is None else self._climb_to_m
+        return Command(
+            (p[0], p[1], down), v, self._hold_yaw_rad, acceleration_ned_m_s2=(a[0], a[1], 0.0)
+        )
+
+    @staticmethod
+    def _climb_rate(to_go_m: float) -> float:
+        rate = _TAKEOFF_GAIN_PER_S * to_go_m
+        return -min(max(rate, -_TAKEOFF_MAX_M_S), _TAKEOFF_MAX_M_S)
+
+    def _climb(self, dt_s: float) -> Command:
+        if self._climb_to_m is None:
+            self._climb_to_m = self._home_ned_m[2] - float(self.parameters["MIS_TAKEOFF_ALT"])
+        if not self._airborne:
+            return self._locked(-0.1)
+        to_go = self.estimated_position_ned_m[2] - self._climb_to_m
+        if to_go < float(self.parameters["NAV_MC_ALT_RAD"]):
+            self._intended = Mode.HOLD
+            self._entered = Mode.HOLD
+        return self._locked(self._slew(self._climb_rate(to_go), _CLIMB_SLEW_M_S2, dt_s))
+
+    def _descend(self, dt_s: float, _stop: Braking) -> Command:
+        crawl = self.quadrotor.height_m < _CRAWL_BELOW_M
+        speed = float(self.parameters["MPC_LAND_CRWL" if crawl else "MPC_LAND_SPEED"])
+        return self._locked(self._slew(speed, _DESCENT_SLEW_M_S2, dt_s))
+
+    def _return(self, dt_s: float) -> Command:
+        home, here = self._home_ned_m, self.estimated_position_ned_m
+        north, east = home[0] - here[0], home[1] - here[1]
+        away = math.hypot(north, east)
+        if self._return_phase == "climb":
+            to_go = self._return_height_m - (home[2] - here[2])
+            if to_go > float(self.parameters["NAV_MC_ALT_RAD"]) and self._airborne:
+                fastest = float(self.parameters["MPC_Z_V_AUTO_UP"])
+                rate = -min(_RETURN_CLIMB_GAIN_PER_S * to_go, fastest)
+                return self._locked(self._slew(rate, _RETURN_CLIMB_SLEW_M_S2, dt_s))
+            self._return_phase = "fly"
+        if self._return_phase == "fly" and away < float(self.parameters["NAV_ACC_RAD"]):
+            self._return_phase = "land"
+            self._say(Severity.INFO, "RTL: land at destination")
+        vertical = 0.0
+        fastest = float(self.parameters["MPC_XY_CRUISE"])
+        if self._return_phase == "land":
+            vertical = self._descend(dt_s, self._braking).velocity_ned_m_s[2]
+            fastest = _HOMING_MAX_M_S
+        speed = min(_HOMING_GAIN_PER_S * away, fastest)
+        share = speed / away if away > 1e-6 else 0.0
+        return Command(FREE3, (north * share, east * share, vertical), self._hold_yaw_rad)
+
+    # ------------------------------------------------------------ ground contact
+
+    def _wanted_down_m_s(self, command: Command) -> float:
+        down = command.velocity_ned_m_s[2]
+        wanted = 0.0 if math.isnan(down) else down
+        if not math.isnan(command.position_ned_m[2]):
+            wanted += float(self.parameters["MPC_Z_P"]) * (
+                command.position_ned_m[2] - self.estimated_position_ned_m[2]
+            )
+        return wanted
+
+    def _lift_off(self, command: Command) -> None:
+        """Spool up, ramp the thrust, leave the ground."""
+        if self._airborne:
+            return
+        climbing = self.mode in (Mode.TAKEOFF, Mode.OFFBOARD) and (
+            self._wanted_down_m_s(command) < -0.05
+        )
+        if not climbing:
+            if self._landed:
+                self._ramp_s = None
+            return
+        if self._ramp_s is None:
+            spooled_s = self._armed_s + float(self.parameters["COM_SPOOLUP_TIME"])
+            self._ramp_s = max(self._now_s, spooled_s)
+        since_s = self._now_s - self._ramp_s
+        if self._landed and since_s >= _DETECT_AFTER_SPOOL_UP_S:
+            self._landed = False
+            self._flown = True
+            self._landed_s = None
+            self._say(Severity.INFO, "Takeoff detected")
+        ramp_s = float(self.parameters["MPC_TKO_RAMP_T"])
+        early_s = _LIFT_OFF_AUTO_S if self.mode is Mode.TAKEOFF else _LIFT_OFF_OFFBOARD_S
+        if not self._landed and since_s >= ramp_s + early_s:
+            self._airborne = True
+            self._vertical_sp_m_s = 0.0
+            self._touch_s = None
+
+    def _detect_landing(self, command: Command) -> None:
+        if not self._airborne:
+            return
+        if not self.quadrotor.on_ground or self._wanted_down_m_s(command) < 0.05:
+            self._touch_s = None
+            return
+        if self._touch_s is None:
+            self._touch_s = self._now_s
+        if self._now_s - self._touch_s >= _LANDING_DETECTED_S:
+            self._landed = True
+            self._airborne = False
+            self._ramp_s = None
+            self._landed_s = self._now_s
+            self._say(Severity.INFO, "Landing detected")
+
+    def _auto_disarm(self) -> None:
+        if not self._landed:
+            return
+        if self._landed_s is not None:
+            after_s = float(self.parameters["COM_DISARM_LAND"])
+            if after_s >= 0.0 and self._now_s - self._landed_s >= after_s:
+                self._disarm("Disarmed by landing")
+            return
+        after_s = float(self.parameters["COM_DISARM_PRFLT"])
+        limit_s = after_s + float(self.parameters["COM_SPOOLUP_TIME"])
+        if after_s > 0.0 and not self._flown and self._now_s - self._armed_s >= limit_s:
+            self._disarm("Disarmed by auto preflight disarming")
+
+    def _disarm(self, text: str) -> None:
+        in_air = not self._landed
+        self._armed = False
+        self._airborne = False
+        self._failsafe = None
+        self._entered = None
+        self._ramp_s = self._landed_s = self._touch_s = None
+        self._kill_s = self._now_s if in_air else None
+        self._climb_to_m = None
+        if self._intended in (Mode.LAND, Mode.RETURN):
+            self._intended = self._before_landing
+        if self._intended is Mode.TAKEOFF:
+            self._intended = Mode.HOLD
+        self._say(Severity.INFO, text)
+
+    def _apply_limits(self) -> None:
+        p = self.parameters
+        self.quadrotor.limit(
+            Limits(
+                position_gain_per_s=float(p["MPC_XY_P"]),
+                height_gain_per_s=float(p["MPC_Z_P"]),
+                horizontal_m_s=float(p["MPC_XY_VEL_MAX"]),
+                up_m_s=float(p["MPC_Z_VEL_MAX_UP"]),
+                down_m_s=float(p["MPC_Z_VEL_MAX_DN"]),
+                yaw_rate_rad_s=math.radians(float(p["MC_YAWRATE_MAX"])),
+            )
+        )
+
+    def _say(self, severity: Severity, text: str) -> None:
+        self.texts.append(AutopilotText(self._now_s, severity, text))
