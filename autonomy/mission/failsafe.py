@@ -78,13 +78,13 @@ def detect(
             Found(Fault.LINK_LOST, f"the vehicle has been silent for {status.link_age_s:.1f} s")
         )
     if status.battery_remaining is not None and status.battery_remaining <= limits.battery_land:
-        found.append(
-            Found(Fault.BATTERY_LOW, f"the battery is at {status.battery_remaining:.0%}")
-        )
+        found.append(Found(Fault.BATTERY_LOW, f"the battery is at {status.battery_remaining:.0%}"))
     if state_lost_s > limits.state_loss_land_s:
         found.append(
-            Found(Fault.STATE_LOST_LONG, f"no usable position for {state_lost_s:.1f} s: "
-                  f"{fused.why_not_ok}")
+            Found(
+                Fault.STATE_LOST_LONG,
+                f"no usable position for {state_lost_s:.1f} s: {fused.why_not_ok}",
+            )
         )
     elif not fused.ok:
         found.append(Found(Fault.STATE_LOST, f"no usable position: {fused.why_not_ok}"))

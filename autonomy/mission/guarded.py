@@ -7,7 +7,7 @@ import msgspec
 
 from autonomy.config import Config
 from autonomy.mission.pilot import Pilot
-from autonomy.model import Decision, GuardReport, Inputs
+from autonomy.model import Decision, FusedState, GuardReport, Inputs
 from hal.frames import Vector3, add
 from hal.setpoints import Setpoint
 from hal.vehicle.guard import BeamSight, Guard, Sight
@@ -41,21 +41,17 @@ class GuardedPilot:
         if decision.setpoint is None or decision.fused is None:
             self._last_report = GuardReport()
             return Command(decision, None, None, self._last_report)
-        verdict = self._guard.check(decision.setpoint, self._sight(decision, inputs.now_s))
+        verdict = self._guard.check(decision.setpoint, self._sight(decision.fused, inputs.now_s))
         self._last_report = GuardReport(
             verdict.limits, verdict.speed_limit_m_s, verdict.free_distance_m
         )
         setpoint = verdict.setpoint
         home = self.pilot.sensing.home_ned_m
-        wire = msgspec.structs.replace(
-            setpoint, position_ned_m=add(setpoint.position_ned_m, home)
-        )
+        wire = msgspec.structs.replace(setpoint, position_ned_m=add(setpoint.position_ned_m, home))
         return Command(decision, setpoint, wire, self._last_report)
 
-    def _sight(self, decision: Decision, now_s: float) -> Sight:
+    def _sight(self, fused: FusedState, now_s: float) -> Sight:
         """What the guard may know: the state, the newest beams, the seen-free space."""
-        fused = decision.fused
-        assert fused is not None
         return Sight(
             now_s=now_s,
             fused_stamp_s=fused.stamp_s,

@@ -22,9 +22,7 @@ TRANSITIONS: dict[S, frozenset[S]] = {
 }
 """Every legal transition. A state may always stay itself."""
 
-OFFBOARD_STATES = frozenset(
-    {S.OFFBOARD, S.CRUISE, S.STOP, S.DETECT, S.REPLAN, S.FOLLOW, S.HOLD}
-)
+OFFBOARD_STATES = frozenset({S.OFFBOARD, S.CRUISE, S.STOP, S.DETECT, S.REPLAN, S.FOLLOW, S.HOLD})
 """States in which the service streams setpoints."""
 
 NAVIGATING_STATES = OFFBOARD_STATES - {S.OFFBOARD}

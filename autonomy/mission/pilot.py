@@ -13,6 +13,7 @@ There is no clock, no randomness, no input or output here: everything comes in `
 """
 
 import math
+from collections.abc import Callable
 
 from autonomy.config import Config
 from autonomy.geometry import Point, distance
@@ -43,7 +44,7 @@ from autonomy.t3drm.speed import speed_for_clearance
 from hal.frames import Vector3, horizontal_norm
 from hal.interfaces import SeenSpace
 from hal.readings import FlightMode, LandedState
-from hal.setpoints import RequestKind, Setpoint
+from hal.setpoints import Setpoint
 
 _AT_REST_M_S = 0.05
 _SWEEP_RAD = math.radians(100.0)
@@ -89,6 +90,23 @@ class Pilot:
         self.stops = 0
         self.replans = 0
 
+        elapsed, sequence = self._elapsed_s, self._sequence
+        self._states: dict[MissionState, Callable[[Tick], Move | None]] = {
+            MissionState.PREFLIGHT: self._preflight,
+            MissionState.ARM: lambda tick: sequence.arm(tick, elapsed(tick)),
+            MissionState.TAKEOFF: lambda tick: sequence.takeoff(tick, elapsed(tick)),
+            MissionState.OFFBOARD: lambda tick: sequence.offboard(tick, elapsed(tick)),
+            MissionState.CRUISE: self._follow,
+            MissionState.FOLLOW: self._follow,
+            MissionState.STOP: self._stop,
+            MissionState.DETECT: self._detect,
+            MissionState.REPLAN: self._replan,
+            MissionState.HOLD: self._hold,
+            MissionState.LAND: self._land,
+            MissionState.YIELDED: lambda _: Move(MissionState.DONE, "no longer ours to command"),
+            MissionState.DONE: lambda _: None,
+        }
+
     @property
     def space(self) -> SeenSpace:
         """What was seen to be free, for the guard."""
@@ -127,32 +145,12 @@ class Pilot:
 
     def _decide(self, tick: Tick) -> Move | None:
         """The present state's word on where to go next."""
-        match self._state:
-            case MissionState.PREFLIGHT:
-                silent = tuple(self._sensing.silent_beams(tick.now_s))
-                return self._sequence.preflight(tick, self._elapsed_s(tick), silent)
-            case MissionState.ARM:
-                return self._sequence.arm(tick, self._elapsed_s(tick))
-            case MissionState.TAKEOFF:
-                return self._sequence.takeoff(tick, self._elapsed_s(tick))
-            case MissionState.OFFBOARD:
-                return self._sequence.offboard(tick, self._elapsed_s(tick))
-            case MissionState.CRUISE | MissionState.FOLLOW:
-                return self._follow(tick)
-            case MissionState.STOP:
-                return self._stop(tick)
-            case MissionState.DETECT:
-                return self._detect(tick)
-            case MissionState.REPLAN:
-                return self._replan(tick)
-            case MissionState.HOLD:
-                return self._hold(tick)
-            case MissionState.LAND:
-                return self._land(tick)
-            case MissionState.YIELDED:
-                return Move(MissionState.DONE, "the vehicle is no longer ours to command")
-            case MissionState.DONE:
-                return None
+        return self._states[self._state](tick)
+
+    def _preflight(self, tick: Tick) -> Move | None:
+        """PREFLIGHT: wait until nothing forbids arming."""
+        silent = tuple(self._sensing.silent_beams(tick.now_s))
+        return self._sequence.preflight(tick, self._elapsed_s(tick), silent)
 
     # ------------------------------------------------------------ Algorithm 2
 
@@ -274,10 +272,7 @@ class Pilot:
     def _is_stuck(self, tick: Tick) -> bool:
         """True after `_STUCK_AFTER_S` on a path without leaving a small circle."""
         point = tick.fused.point
-        if (
-            self._moved_from is None
-            or distance(point, self._moved_from[1]) > _STUCK_WITHIN_M
-        ):
+        if self._moved_from is None or distance(point, self._moved_from[1]) > _STUCK_WITHIN_M:
             self._moved_from = (tick.now_s, point)
             return False
         return tick.now_s - self._moved_from[0] > _STUCK_AFTER_S
@@ -368,9 +363,7 @@ class Pilot:
             if status.link_age_s <= self._config.vehicle.link_timeout_s:
                 who = "PX4's failsafe" if status.in_failsafe else "a pilot or PX4"
                 why = f"{who} switched the vehicle to {status.mode.value}; this service lets go"
-                self._enter(
-                    tick, Move(MissionState.YIELDED, why, Outcome(Ending.TAKEN_OVER, why))
-                )
+                self._enter(tick, Move(MissionState.YIELDED, why, Outcome(Ending.TAKEN_OVER, why)))
                 return
         if self._state not in OFFBOARD_STATES and self._state is not MissionState.TAKEOFF:
             return
@@ -441,9 +434,7 @@ class Pilot:
                 self._armed_s = tick.now_s
             case MissionState.OFFBOARD:
                 self._hold_at = None
-                self._sensing.map.mark_seen_disc(
-                    tick.fused.point, self._config.map.start_disc_m
-                )
+                self._sensing.map.mark_seen_disc(tick.fused.point, self._config.map.start_disc_m)
             case MissionState.STOP | MissionState.DETECT | MissionState.HOLD:
                 self._scan.restart()
             case _:

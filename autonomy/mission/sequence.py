@@ -70,9 +70,7 @@ class Sequence:
         """Let PX4 climb to the altitude and reach Hold."""
         status = tick.inputs.status
         if status.landed is LandedState.IN_AIR and status.mode is FlightMode.HOLD:
-            return Move(
-                MissionState.OFFBOARD, f"took off to {-tick.fused.position_ned_m[2]:.2f} m"
-            )
+            return Move(MissionState.OFFBOARD, f"took off to {-tick.fused.position_ned_m[2]:.2f} m")
         reason = tick.refusal(RequestKind.TAKEOFF)
         if reason is None and elapsed_s > self._config.mission.takeoff_timeout_s:
             reason = f"not in the air after {self._config.mission.takeoff_timeout_s:g} s"

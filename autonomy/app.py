@@ -1,0 +1,302 @@
+"""The composition root: options to configuration, drivers and components; then one flight.
+
+The only module that knows the registry. `fly` is what `autonomy fly` calls.
+"""
+
+import asyncio
+import contextlib
+import math
+import signal
+from collections.abc import AsyncIterator, Iterator
+from contextlib import ExitStack, asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+from hal.vehicle.deadman import Deadman
+
+from autonomy.config import Config, load_config
+from autonomy.embedded import EmbeddedPx4
+from autonomy.errors import BadInput
+from autonomy.flight import Flight, Tally
+from autonomy.flightlog.recorder import FlightRecorder
+from autonomy.geometry import polyline_length
+from autonomy.mission.preflight import check_route
+from autonomy.model import Ending, OperatorCommand, Outcome
+from autonomy.progress import Progress
+from autonomy.report import EXIT_CODES, FlightReport, FlyOptions
+from autonomy.simulation import with_scenario
+from autonomy.warm import warm_up
+from hal import registry
+from hal.clock import MonotonicClock
+from hal.config import validate_document
+from hal.frames import Vector3, ned_from_enu, ned_from_frd
+from hal.interfaces import Vehicle
+from hal.sim.scenario import Scenario, load_scenario
+
+_POLL_S = 0.05
+
+
+@dataclass(frozen=True)
+class Mission:
+    """Options made whole: what will be flown, where, and with which configuration."""
+
+    options: FlyOptions
+    config: Config
+    scenario: Scenario | None
+
+    def route_ned_m(self, start_yaw_rad: float) -> tuple[Vector3, ...]:
+        """The goals in NED about the take-off point; the heading matters for frame `body` only.
+
+        Raises BadInput for a goal that must not be flown to.
+        """
+        route = tuple(
+            _goal_ned(goal, self.options.frame, self.config.mission.altitude_m, start_yaw_rad)
+            for goal in self.options.goals
+        )
+        check_route(self.config, route)
+        if self.scenario is not None:
+            _check_goals_are_free(self.config, self.scenario, route)
+        return route
+
+
+def prepare(options: FlyOptions) -> Mission:
+    """Everything that can be refused before anything moves; raises BadInput or DocumentError."""
+    config = _with_options(
+        load_config(Path(options.config_path) if options.config_path else None), options
+    )
+    scenario = load_scenario(options.scenario) if options.scenario is not None else None
+    if scenario is not None:
+        config = with_scenario(config, scenario)
+    mission = Mission(options, config, scenario)
+    if scenario is not None:
+        mission.route_ned_m(math.radians(scenario.start_yaw_deg))
+    elif options.frame != "body":
+        mission.route_ned_m(0.0)
+    return mission
+
+
+def fly(options: FlyOptions) -> FlightReport:
+    """One mission from preflight to landing; the report says how it ended.
+
+    Raises BadInput, DocumentError, ConnectionFailed, WrongAutopilot before anything moved.
+    """
+    mission = prepare(options)
+    progress = Progress.create(options.output)
+    with ExitStack() as stack:
+        stack.enter_context(progress)
+        progress.note("warming up the planner")
+        warm_up()
+        connection = options.connection or mission.config.vehicle.connection
+        embedded: EmbeddedPx4 | None = None
+        if options.scenario is not None:
+            progress.note(f"starting the embedded PX4 in scenario {options.scenario}")
+            embedded = stack.enter_context(EmbeddedPx4(options.scenario, options.seed))
+            connection = embedded.connection
+        recorder: FlightRecorder | None = None
+        if options.log and mission.config.log.enabled:
+            recorder = stack.enter_context(_recorder(mission))
+        report = asyncio.run(_fly(mission, connection, recorder, progress))
+        if embedded is not None:
+            truth_m = embedded.true_clearance_m()
+            if truth_m is not None:
+                report = _with_truth(report, truth_m)
+        progress.report(report)
+    return report
+
+
+async def _fly(
+    mission: Mission, connection: str, recorder: FlightRecorder | None, progress: Progress
+) -> FlightReport:
+    """Connect, fly, disconnect."""
+    config = mission.config
+    clock = MonotonicClock()
+    vehicle_config = config.vehicle.model_copy(update={"connection": connection})
+    vehicle = registry.vehicle(vehicle_config, config.beams, clock)
+    progress.note(f"waiting for a vehicle on {connection}")
+    try:
+        facts = await vehicle.open(config.vehicle.connect_timeout_s)
+        progress.note(f"connected to {facts.autopilot} {facts.version}, system {facts.system_id}")
+        route = mission.route_ned_m(await _start_yaw_rad(mission, vehicle))
+        sensors = registry.range_sensors(config.beams, vehicle, clock)
+        gnss = registry.gnss(vehicle, clock)
+        deadman = Deadman(config.deadman, vehicle.stop_now, vehicle.hold_now, clock)
+        flight = Flight(
+            config,
+            route,
+            vehicle=vehicle,
+            facts=facts,
+            sensors=sensors,
+            gnss=gnss,
+            deadman=deadman,
+            clock=clock,
+            recorder=recorder,
+            observer=progress,
+        )
+        async with _opened(sensors, gnss, config.vehicle.connect_timeout_s):
+            with deadman, _operator_signals(flight, progress):
+                outcome = await flight.run()
+    finally:
+        await vehicle.close()
+    return _report(mission, route, outcome, flight.tally, recorder)
+
+
+# ---------------------------------------------------------------- before the flight
+
+
+def _with_options(config: Config, options: FlyOptions) -> Config:
+    """The configuration with what was typed laid over it; raises DocumentError."""
+    data = config.model_dump()
+    typed = {
+        "altitude_m": options.altitude_m,
+        "land_at_end": options.land,
+        "time_limit_s": options.time_limit_s,
+    }
+    data["mission"].update({key: value for key, value in typed.items() if value is not None})
+    if options.mode is not None:
+        data["mission"]["replan"]["mode"] = options.mode
+    return validate_document(data, Config, "command line")
+
+
+def _goal_ned(
+    goal: tuple[float, float, float | None], frame: str, altitude_m: float, yaw_rad: float
+) -> Vector3:
+    """One goal as typed, in NED about the take-off point. Heights up in ENU, down in the others."""
+    x, y, z = goal
+    if frame == "enu":
+        return ned_from_enu((x, y, altitude_m if z is None else z))
+    down_m = -altitude_m if z is None else z
+    if frame == "body":
+        return ned_from_frd((x, y, down_m), yaw_rad)
+    return (x, y, down_m)
+
+
+def _check_goals_are_free(config: Config, scenario: Scenario, route: tuple[Vector3, ...]) -> None:
+    """Raise BadInput for a goal in, or too near to, an obstacle of a known world."""
+    keep_out_m = config.body.radius_m + config.planner.hard_clearance_m
+    for goal in route:
+        for index, obstacle in enumerate(scenario.obstacles):
+            gap_m = obstacle.distance_m(goal[0], goal[1])
+            if gap_m < keep_out_m:
+                name = obstacle.label or f"{obstacle.kind} {index}"
+                place = "inside" if gap_m < 0 else f"{gap_m:.2f} m from"
+                raise BadInput(
+                    f"the goal ({goal[0]:g}, {goal[1]:g}) is {place} the obstacle '{name}' of "
+                    f"scenario {scenario.name}; keep it {keep_out_m:.2f} m away"
+                )
+
+
+async def _start_yaw_rad(mission: Mission, vehicle: Vehicle) -> float:
+    """The heading at the start, waited for only where goals depend on it."""
+    if mission.options.frame != "body":
+        return 0.0
+    for _ in range(int(mission.config.vehicle.connect_timeout_s / _POLL_S)):
+        attitude = vehicle.attitude()
+        if attitude is not None:
+            return attitude.yaw_rad
+        await asyncio.sleep(_POLL_S)
+    raise BadInput("the vehicle does not tell its heading, so --frame body has no meaning; use ned")
+
+
+def _recorder(mission: Mission) -> FlightRecorder:
+    """The flight log, with what a stranger needs to understand and repeat the flight."""
+    options, config = mission.options, mission.config
+    return FlightRecorder.in_folder(
+        Path(options.log_dir or config.log.directory),
+        config_json=config.model_dump_json(),
+        scenario=options.scenario,
+        seed=options.seed if options.scenario is not None else None,
+    )
+
+
+# ---------------------------------------------------------------- during the flight
+
+
+@asynccontextmanager
+async def _opened(
+    sensors: registry.Sensors, gnss: registry.Gnss, deadline_s: float
+) -> AsyncIterator[None]:
+    """Sensors open inside, closed after, whatever happens."""
+    try:
+        for sensor in sensors:
+            await sensor.open(deadline_s)
+        if gnss is not None:
+            await gnss.open(deadline_s)
+        yield
+    finally:
+        for sensor in sensors:
+            await sensor.close()
+        if gnss is not None:
+            await gnss.close()
+
+
+@contextlib.contextmanager
+def _operator_signals(flight: Flight, progress: Progress) -> Iterator[None]:
+    """Ctrl-C and SIGTERM stop, hold and then land; a second one lands at once."""
+    loop = asyncio.get_running_loop()
+
+    def stop() -> None:
+        progress.note("stopping: hold, then land; once more to land at once")
+        flight.command(OperatorCommand.STOP)
+
+    signals = (signal.SIGINT, signal.SIGTERM)
+    for number in signals:
+        loop.add_signal_handler(number, stop)
+    try:
+        yield
+    finally:
+        for number in signals:
+            loop.remove_signal_handler(number)
+
+
+# ---------------------------------------------------------------- after the flight
+
+
+def _report(
+    mission: Mission,
+    route: tuple[Vector3, ...],
+    outcome: Outcome,
+    tally: Tally,
+    recorder: FlightRecorder | None,
+) -> FlightReport:
+    """What the flight was."""
+    legs = ((0.0, 0.0), *((goal[0], goal[1]) for goal in route))
+    return FlightReport(
+        ending=outcome.ending,
+        why=outcome.why,
+        exit_code=int(EXIT_CODES[outcome.ending]),
+        route_ned_m=route,
+        flight_time_s=tally.flight_time_s,
+        path_length_m=tally.path_length_m,
+        straight_length_m=polyline_length(legs),
+        stops=tally.stops,
+        replans=tally.replans,
+        minimum_clearance_m=tally.minimum_clearance_m,
+        body_radius_m=mission.config.body.radius_m,
+        max_speed_m_s=tally.max_speed_m_s,
+        planning_s=tuple(tally.planning_s),
+        time_record=tally.record.summary(),
+        leg_kinds=tuple(tally.leg_kinds),
+        guard_limits=dict(tally.guard_limits),
+        late_ticks=tally.late_ticks,
+        events=tuple((event.stamp_s, event.name, event.why) for event in tally.events),
+        log_path=str(recorder.path) if recorder is not None else None,
+        log_notes=recorder.notes() if recorder is not None else (),
+        seed=mission.options.seed if mission.scenario is not None else None,
+        scenario=mission.options.scenario,
+    )
+
+
+def _with_truth(report: FlightReport, true_clearance_m: float) -> FlightReport:
+    """The report with the clearance that the simulated world knows; touching is never success."""
+    touched = true_clearance_m <= report.body_radius_m
+    if touched and report.ending is Ending.GOAL_REACHED:
+        report = msgspec.structs.replace(
+            report,
+            ending=Ending.INTERNAL,
+            exit_code=int(EXIT_CODES[Ending.INTERNAL]),
+            why=f"the vehicle touched an obstacle ({true_clearance_m:.3f} m from its centre)",
+        )
+    return msgspec.structs.replace(
+        report, minimum_clearance_m=true_clearance_m, clearance_is_true=True
+    )
