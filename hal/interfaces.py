@@ -5,7 +5,10 @@ reading them never blocks and never fails. Every coroutine ends within its deadl
 cancelled at any await: cancelling never changes what the vehicle does by itself.
 """
 
+from collections.abc import Callable
 from typing import Protocol
+
+import msgspec
 
 from hal.clock import Clock
 from hal.frames import Vector3
@@ -20,7 +23,15 @@ from hal.readings import (
 )
 from hal.setpoints import Reply, Request, Setpoint
 
-__all__ = ["Clock", "GnssReceiver", "RangeSensor", "SeenSpace", "Vehicle"]
+__all__ = [
+    "Clock",
+    "GnssReceiver",
+    "MessageSource",
+    "RangeSensor",
+    "SeenSpace",
+    "Vehicle",
+    "WireMessage",
+]
 
 
 class Vehicle(Protocol):
@@ -96,6 +107,38 @@ class GnssReceiver(Protocol):
 
     def fix(self) -> GnssFix | None:
         """The newest solution, or None before the first."""
+        ...
+
+
+class WireMessage(msgspec.Struct, frozen=True):
+    """One MAVLink message as it came over the vehicle's link.
+
+    `fields_json` holds the fields under MAVLink's names and units; a number that is not finite
+    is null there. `received_s` is the monotonic time of reception.
+    """
+
+    received_s: float
+    system_id: int
+    component_id: int
+    fields_json: str
+
+
+class MessageSource(Protocol):
+    """A link that lets drivers read messages which its vehicle adapter does not interpret."""
+
+    def listen(self, name: str, take: Callable[[WireMessage], None]) -> None:
+        """Call `take` for each message of that name; before or after opening, until closing.
+
+        `take` runs on the link's own thread: it must be quick and must not raise.
+        """
+        ...
+
+    def stamp_s(self, message: WireMessage, boot_s: float) -> float:
+        """When `boot_s`, the time in the message by its sender's clock since boot, was.
+
+        Monotonic seconds, never after the reception; the reception itself when the sender's
+        clock is not known.
+        """
         ...
 
 
