@@ -7,22 +7,11 @@ import msgspec
 
 from autonomy.config import Config
 from autonomy.mission.pilot import Pilot
-from autonomy.model import Decision, FusedState, GuardReport, Inputs
+from autonomy.model import FusedState, GuardReport, Inputs
 from hal.frames import Vector3, add
-from hal.setpoints import Setpoint
 from hal.vehicle.guard import BeamSight, Guard, Sight
 
-
-class Command(msgspec.Struct, frozen=True):
-    """What leaves the pure core: the decision, and its setpoint as the guard let it pass.
-
-    `setpoint` is in the mission frame, `wire_setpoint` in the autopilot's local frame.
-    """
-
-    decision: Decision
-    setpoint: Setpoint | None
-    wire_setpoint: Setpoint | None
-    guard: GuardReport
+__all__ = ["Command", "GuardedPilot"]
 
 
 class GuardedPilot:

@@ -53,6 +53,8 @@ _STOP_LEAD_S = 0.35
 """Where to hold: the vehicle cannot stop at once, and is not asked to come back."""
 _PATH_SLACK_M = 0.015
 """A hit this much inside the keep-out radius is noise, not an obstacle in the way."""
+_HEIGHT_REACHED_M = 0.2
+_CLIMB_TIMEOUT_S = 10.0
 _STUCK_AFTER_S = 6.0
 _STUCK_WITHIN_M = 0.05
 _DISC_UNDER_VEHICLE_M = 0.14
@@ -187,8 +189,12 @@ class Pilot:
         return Move(MissionState.DETECT, "at rest; looking at what is there")
 
     def _detect(self, tick: Tick) -> Move | None:
-        """DETECT: turn until every bearing was seen once more (and for as long as asked)."""
-        if abs(self._scan.turned_rad) < _SWEEP_RAD or self._elapsed_s(tick) < self._look_for_s:
+        """DETECT: turn until every bearing was seen once more, at the height of the flight."""
+        elapsed_s = self._elapsed_s(tick)
+        if abs(self._scan.turned_rad) < _SWEEP_RAD or elapsed_s < self._look_for_s:
+            return None
+        climbing = abs(tick.fused.position_ned_m[2] - self.goal[2]) > _HEIGHT_REACHED_M
+        if climbing and elapsed_s < _CLIMB_TIMEOUT_S:
             return None
         self._look_for_s = 0.0
         return Move(MissionState.REPLAN, "every direction was seen")
@@ -359,12 +365,13 @@ class Pilot:
     def _respond_to_faults(self, tick: Tick) -> None:
         """Let go when PX4 or a pilot took over; else do what the fault table says."""
         status = tick.inputs.status
-        if self._state in NAVIGATING_STATES and status.mode is not FlightMode.OFFBOARD:
-            if status.link_age_s <= self._config.vehicle.link_timeout_s:
-                who = "PX4's failsafe" if status.in_failsafe else "a pilot or PX4"
-                why = f"{who} switched the vehicle to {status.mode.value}; this service lets go"
-                self._enter(tick, Move(MissionState.YIELDED, why, Outcome(Ending.TAKEN_OVER, why)))
-                return
+        heard = status.link_age_s <= self._config.vehicle.link_timeout_s
+        ours = status.mode is FlightMode.OFFBOARD
+        if self._state in NAVIGATING_STATES and heard and not ours:
+            who = "PX4's failsafe" if status.in_failsafe else "a pilot or PX4"
+            why = f"{who} switched the vehicle to {status.mode.value}; this service lets go"
+            self._enter(tick, Move(MissionState.YIELDED, why, Outcome(Ending.TAKEN_OVER, why)))
+            return
         if self._state not in OFFBOARD_STATES and self._state is not MissionState.TAKEOFF:
             return
         found = self._faults(tick)

@@ -22,7 +22,7 @@ class Sensing:
     def __init__(self, config: Config) -> None:
         self._config = config
         self._fusion = Fusion(config.estimation, config.beams)
-        self._projector = Projector(config.beams)
+        self._projector = Projector(config.beams, config.body.half_height_m)
         self.map = ObstacleMap(config.map, config.body.radius_m, config.guard.fence)
         self.home_ned_m: Vector3 = ZERO3
         """The mission frame's origin in the autopilot's local frame."""
@@ -53,7 +53,9 @@ class Sensing:
         elif local.frame_shift_ned_m != ZERO3:
             self.home_ned_m = add(self.home_ned_m, local.frame_shift_ned_m)
         fused = msgspec.structs.replace(
-            local, position_ned_m=subtract(local.position_ned_m, self.home_ned_m)
+            local,
+            position_ned_m=subtract(local.position_ned_m, self.home_ned_m),
+            frame_shift_ned_m=ZERO3,
         )
         if fused.ok:
             self._state_lost_since_s = None
