@@ -235,3 +235,15 @@ class Decision(msgspec.Struct, frozen=True):
     stops: int = 0
     replans: int = 0
     outcome: Outcome | None = None
+
+
+class Command(msgspec.Struct, frozen=True):
+    """What leaves the pure core: the decision, and its setpoint as the guard let it pass.
+
+    `setpoint` is in the mission frame, `wire_setpoint` in the autopilot's local frame.
+    """
+
+    decision: Decision
+    setpoint: Setpoint | None
+    wire_setpoint: Setpoint | None
+    guard: GuardReport

@@ -1,1 +1,1 @@
-"""What happened: every input and decision of a flight, recorded and read back."""
+"""What happened: every input and every decision of a flight, so that it can be done again."""

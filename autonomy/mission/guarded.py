@@ -7,7 +7,7 @@ import msgspec
 
 from autonomy.config import Config
 from autonomy.mission.pilot import Pilot
-from autonomy.model import FusedState, GuardReport, Inputs
+from autonomy.model import Command, FusedState, GuardReport, Inputs
 from hal.frames import Vector3, add
 from hal.vehicle.guard import BeamSight, Guard, Sight
 

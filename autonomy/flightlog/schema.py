@@ -1,0 +1,112 @@
+"""What a flight log holds, and how one record becomes bytes and the same record again.
+
+A log is an MCAP file. Its metadata record `flight` is the `FlightHeader`. The topic `route` has the
+goals, once; each tick is three messages with one sequence number, on the topics `inputs`,
+`decisions` and `guard`; what the autopilot wrote for people is on `texts`. Messages are JSON,
+described by JSON schemas in the file.
+
+JSON has no infinity and no NaN: they are written as the strings "inf", "-inf" and "nan". Every
+other number is written with the digits that restore the same double.
+"""
+
+import json
+import math
+from typing import Any, TypeVar
+
+import msgspec
+
+from autonomy.model import Command, Decision, GuardReport, Inputs
+from hal.frames import Vector3
+from hal.readings import StatusText
+from hal.setpoints import Setpoint
+
+FORMAT = 1
+"""Raised when logs of an older program can no longer be read."""
+
+PROFILE = "autonomy"
+METADATA = "flight"
+
+
+class FlightHeader(msgspec.Struct, frozen=True):
+    """What a flight began with; with route and inputs, all that is needed to fly it again.
+
+    `config_json` is the effective configuration, `scenario` the simulated world's name (empty on a
+    real flight), `versions` names the program and the libraries that compute.
+    """
+
+    config_json: str
+    scenario: str = ""
+    seed: int | None = None
+    started_utc: str = ""
+    versions: dict[str, str] = {}
+    format: int = FORMAT
+
+
+class RouteRecord(msgspec.Struct, frozen=True):
+    """The goals in order, in NED about the take-off point."""
+
+    goals_ned_m: tuple[Vector3, ...]
+
+
+class GuardRecord(msgspec.Struct, frozen=True):
+    """The rest of a `Command` beside its decision, and how long computing it took."""
+
+    setpoint: Setpoint | None
+    wire_setpoint: Setpoint | None
+    guard: GuardReport
+    step_s: float
+
+
+class Tick(msgspec.Struct, frozen=True):
+    """One step of the control loop; `index` counts from 0 and a gap is a tick that was lost."""
+
+    index: int
+    inputs: Inputs
+    command: Command
+    step_s: float
+
+
+TOPICS: dict[str, type[msgspec.Struct]] = {
+    "route": RouteRecord,
+    "inputs": Inputs,
+    "decisions": Decision,
+    "guard": GuardRecord,
+    "texts": StatusText,
+}
+
+Record = TypeVar("Record", bound=msgspec.Struct)
+
+
+def encode(record: msgspec.Struct) -> bytes:
+    """The record as JSON; raises TypeError when a field holds what is not plain data."""
+    plain = msgspec.to_builtins(record)
+    try:
+        return _json(plain)
+    except ValueError:  # an infinity or a NaN: rare, hence not looked for beforehand
+        return _json(_spelled_out(plain))
+
+
+def decode(data: bytes, kind: type[Record]) -> Record:
+    """The record that `encode` was given; raises msgspec.MsgspecError when it is not a `kind`."""
+    # Not strict, so that a number may come as a string: see the module's first paragraph.
+    return msgspec.json.decode(data, type=kind, strict=False)
+
+
+def json_schema(kind: type[msgspec.Struct]) -> bytes:
+    """The JSON schema of a record, for programs that know nothing of this one."""
+    return json.dumps(msgspec.json.schema(kind)).encode()
+
+
+def _json(plain: Any) -> bytes:
+    return json.dumps(plain, allow_nan=False, separators=(",", ":")).encode()
+
+
+def _spelled_out(plain: Any) -> Any:
+    """The same tree with every non-finite number as a string."""
+    if isinstance(plain, dict):
+        return {key: _spelled_out(value) for key, value in plain.items()}
+    if isinstance(plain, list | tuple):
+        return [_spelled_out(value) for value in plain]
+    if isinstance(plain, float) and not math.isfinite(plain):
+        return str(plain)
+    return plain
