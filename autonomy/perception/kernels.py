@@ -1,0 +1,602 @@
+"""Compiled loops of the obstacle map; `obstacle_map.py` says what they mean.
+
+All of them are in this one file, because numba's disk cache does not notice a changed callee in
+another one. Grid coordinates: x grows north, y grows east, in units of cells; cell (i, j) covers
+[i, i + 1) x [j, j + 1). Metres are converted at the entry of each public kernel.
+
+The state is a handful of arrays owned by `ObstacleMap`:
+
+    slot (rows, columns, 2) int32  indices into the list of points, or -1: the cell's SURFACE
+                                 point and its EDGE point
+    seen (rows, columns) float64 when the cell was last seen free, -inf for never
+    points (capacity, 2) float64 running mean of the hits in a cell, x and y
+    evidence (capacity,) int32   hits minus misses
+    born (capacity,) int64       version of the map in which the point became occupied
+    cell_of (capacity,) int64    flat index of the point's slot
+    counters (4,) int64          COUNT, VERSION, APPEARED, CLEARED
+    beams (beams, 8) float64     the last ray of each beam, columns B_...
+    params (..,) float64         columns P_...
+
+The list of points is dense: a removed point is replaced by the last one.
+
+Edges are kept apart from the surface, because an edge that shares a mean with the hits beside it
+is pulled inward by up to a cell: 2 cm at a wall's end, which is where the vehicle rounds it.
+"""
+
+# numba compiles by the types of the arguments; the typed door to these loops is obstacle_map.py.
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators
+
+import math
+
+import numpy as np
+from numba import njit
+
+NOTHING, FREE, HIT = 0, 1, 2
+
+SURFACE, EDGE, LAYERS = 0, 1, 2
+
+COUNT, VERSION, APPEARED, CLEARED, COUNTERS = 0, 1, 2, 3, 4
+
+P_CELL = 0  # m
+P_GAIN = 1
+P_CAP = 2
+P_OCCUPIED = 3
+P_CLEAR = 4  # cells from here on
+P_WEIGHT = 5  # (a plain fraction)
+P_EDGE_COS = 6  # (cosine of the largest step between two rays)
+P_FREE_SHRINK = 7
+P_HIT_SHRINK = 8
+P_ACCOUNTED = 9
+P_MAX_AGE = 10  # s
+P_HIT_RADIUS = 11
+P_SEEN_RADIUS = 12
+P_BODY = 13
+PARAMS = 14
+
+R_STAMP, R_BEAM, R_KIND, R_NORTH, R_EAST, R_COS, R_SIN, R_LENGTH, R_CENTRE_N, R_CENTRE_E = range(10)
+RAY_COLUMNS = 10
+
+B_KIND, B_STAMP, B_X, B_Y, B_COS, B_SIN, B_LENGTH, B_PERIOD = range(8)
+BEAM_COLUMNS = 8
+
+# A gap this many times the beam's own period is a dropped reading.
+DROPPED_RATIO = 1.6
+# No fan is spread over a longer silence, nor over a longer way of the sensor.
+FAN_GAP_MAX_S = 0.3
+FAN_STEP_MAX_M = 0.12
+# Ranges of neighbouring rays that differ by more than this are an edge, by less a surface.
+EDGE_STEP_M = 0.10
+# A start inside the keep-out must gain this much clearance per metre: 100 degrees off, or more.
+ESCAPE_RATE = 0.17
+
+
+@njit(cache=True)
+def _inside(slot, i, j):
+    return 0 <= i < slot.shape[0] and 0 <= j < slot.shape[1]
+
+
+@njit(cache=True)
+def _remove_point(slot, points, evidence, born, cell_of, counters, s):
+    """Take point `s` out of the list; the last point moves into its place."""
+    last = counters[COUNT] - 1
+    slots = slot.reshape(slot.size)
+    slots[cell_of[s]] = -1
+    if s != last:
+        points[s, 0] = points[last, 0]
+        points[s, 1] = points[last, 1]
+        evidence[s] = evidence[last]
+        born[s] = born[last]
+        cell_of[s] = cell_of[last]
+        slots[cell_of[s]] = s
+    counters[COUNT] = last
+
+
+@njit(cache=True)
+def _add_hit(slot, points, evidence, born, cell_of, counters, params, x, y, layer):
+    """Evidence for an obstacle at (x, y): a new point, or a better mean of the cell's."""
+    i = math.floor(x)
+    j = math.floor(y)
+    if not _inside(slot, i, j):
+        return
+    gain = int(params[P_GAIN])
+    s = slot[i, j, layer]
+    before = 0
+    if s < 0:
+        s = counters[COUNT]
+        counters[COUNT] = s + 1
+        slot[i, j, layer] = s
+        cell_of[s] = (i * slot.shape[1] + j) * LAYERS + layer
+        points[s, 0] = x
+        points[s, 1] = y
+        evidence[s] = 0
+    else:
+        before = evidence[s]
+        points[s, 0] += params[P_WEIGHT] * (x - points[s, 0])
+        points[s, 1] += params[P_WEIGHT] * (y - points[s, 1])
+    evidence[s] = min(before + gain, int(params[P_CAP]))
+    if before < params[P_OCCUPIED] <= evidence[s]:
+        born[s] = counters[VERSION]
+        counters[APPEARED] += 1
+
+
+@njit(cache=True)
+def _miss(slot, points, evidence, born, cell_of, counters, params, s):
+    """Evidence against the point `s`: a ray went through it."""
+    evidence[s] -= 1
+    if evidence[s] == int(params[P_OCCUPIED]) - 1:
+        counters[CLEARED] += 1
+    if evidence[s] <= 0:
+        _remove_point(slot, points, evidence, born, cell_of, counters, s)
+
+
+@njit(cache=True)
+def _clear_along(slot, points, evidence, born, cell_of, counters, params, x, y, ux, uy, length):
+    """Take evidence from every point within P_CLEAR of the ray; each cell is visited once.
+
+    The cells are walked along the ray's steeper axis, with a band across it on each row.
+    """
+    steep = abs(ux) >= abs(uy)
+    main, other, um, uo = (x, y, ux, uy) if steep else (y, x, uy, ux)
+    near = params[P_CLEAR]
+    band = near / abs(um) + 1.5  # a cell's point may lie anywhere in it, and so may the ray
+    end = main + length * um
+    for row in range(math.floor(min(main, end) - near), math.floor(max(main, end) + near) + 1):
+        mid = other + (row + 0.5 - main) / um * uo
+        for column in range(math.floor(mid - band), math.floor(mid + band) + 1):
+            i, j = (row, column) if steep else (column, row)
+            if not _inside(slot, i, j):
+                continue
+            for layer in range(LAYERS):
+                s = slot[i, j, layer]
+                if s < 0:
+                    continue
+                dx = points[s, 0] - x
+                dy = points[s, 1] - y
+                a = dx * ux + dy * uy
+                if 0.0 <= a <= length and abs(dy * ux - dx * uy) <= near:
+                    _miss(slot, points, evidence, born, cell_of, counters, params, s)
+
+
+@njit(cache=True)
+def _see_fan(seen, x0, y0, c0, s0, x1, y1, c1, s1, radius, stamp):
+    """Mark the cells whose centres lie between two rays, at most `radius` from their origin.
+
+    Half a cell beyond each ray counts too, so that neighbouring fans leave no seam.
+    """
+    x = 0.5 * (x0 + x1)
+    y = 0.5 * (y0 + y1)
+    mx = c0 + c1
+    my = s0 + s1
+    steep = abs(mx) >= abs(my)
+    if steep:
+        main, am, ao, a0, a1, bm, bo, b0, b1 = x, c0, s0, x0, y0, c1, s1, x1, y1
+    else:
+        main, am, ao, a0, a1, bm, bo, b0, b1 = y, s0, c0, y0, x0, s1, c1, y1, x1
+    end_a = a0 + radius * am
+    end_b = b0 + radius * bm
+    low = min(main, min(end_a, end_b)) - 0.5
+    high = max(main, max(end_a, end_b)) + 0.5
+    slope_a = ao / am
+    slope_b = bo / bm
+    for row in range(math.floor(low), math.floor(high) + 1):
+        on_a = a1 + (row + 0.5 - a0) * slope_a
+        on_b = b1 + (row + 0.5 - b0) * slope_b
+        left = math.floor(min(on_a, on_b) - 0.8)
+        right = math.floor(max(on_a, on_b) + 0.8)
+        for column in range(left, right + 1):
+            i, j = (row, column) if steep else (column, row)
+            if not _inside(seen, i, j):
+                continue
+            cx = i + 0.5
+            cy = j + 0.5
+            if (cx - x) * mx + (cy - y) * my < 0.0:
+                continue
+            if (cx - x) ** 2 + (cy - y) ** 2 > radius * radius:
+                continue
+            side0 = (cy - y0) * c0 - (cx - x0) * s0
+            side1 = (cy - y1) * c1 - (cx - x1) * s1
+            between = side0 * side1 <= 0.0 or abs(side0) <= 0.5 or abs(side1) <= 0.5
+            if between and seen[i, j] < stamp:
+                seen[i, j] = stamp
+
+
+@njit(cache=True)
+def _see_disc(seen, x, y, radius, stamp):
+    """Mark the cells whose centres lie within `radius` of (x, y)."""
+    for i in range(math.floor(x - radius), math.floor(x + radius) + 1):
+        for j in range(math.floor(y - radius), math.floor(y + radius) + 1):
+            if (
+                _inside(seen, i, j)
+                and (i + 0.5 - x) ** 2 + (j + 0.5 - y) ** 2 <= radius * radius
+                and seen[i, j] < stamp
+            ):
+                seen[i, j] = stamp
+
+
+@njit(cache=True)
+def _follows(beams, b, stamp):
+    """Whether a reading of beam `b` is the one right after its last; learns the beam's period.
+
+    The period follows the shorter gaps quickly and the longer ones slowly, so that a dropped
+    reading is noticed and a slower sensor is learned.
+    """
+    gap = stamp - beams[b, B_STAMP]
+    period = beams[b, B_PERIOD]
+    if period == 0.0:
+        beams[b, B_PERIOD] = gap
+        return gap <= FAN_GAP_MAX_S
+    rate = 0.02
+    if gap < period:
+        rate = 0.5
+    elif gap <= DROPPED_RATIO * period:
+        rate = 0.05
+    beams[b, B_PERIOD] = period + rate * (min(gap, 3.0 * period) - period)
+    return gap <= min(FAN_GAP_MAX_S, DROPPED_RATIO * period)
+
+
+@njit(cache=True)
+def _join(slot, seen, points, evidence, born, cell_of, counters, beams, params, b, ray):
+    """The edge rule and the seen fan between beam `b`'s last ray and `ray` (same columns)."""
+    c0, s0, c1, s1 = beams[b, B_COS], beams[b, B_SIN], ray[B_COS], ray[B_SIN]
+    if c0 * c1 + s0 * s1 < params[P_EDGE_COS]:
+        return
+    x0, y0, x1, y1 = beams[b, B_X], beams[b, B_Y], ray[B_X], ray[B_Y]
+    if math.hypot(x1 - x0, y1 - y0) > FAN_STEP_MAX_M / params[P_CELL]:
+        return
+    length0, length1 = beams[b, B_LENGTH], ray[B_LENGTH]
+    hit0, hit1 = beams[b, B_KIND] == HIT, ray[B_KIND] == HIT
+    end0 = length0 - (params[P_HIT_SHRINK] if hit0 else params[P_FREE_SHRINK])
+    end1 = length1 - (params[P_HIT_SHRINK] if hit1 else params[P_FREE_SHRINK])
+    radius = min(end0, end1)
+    if radius > 0.0:
+        _see_fan(seen, x0, y0, c0, s0, x1, y1, c1, s1, radius, ray[B_STAMP])
+    if hit0 or hit1:
+        scale = min(length0, length1) / math.hypot(c0 + c1, s0 + s1)
+        x = 0.5 * (x0 + x1) + (c0 + c1) * scale
+        y = 0.5 * (y0 + y1) + (s0 + s1) * scale
+        step = EDGE_STEP_M / params[P_CELL]
+        surface = hit0 and hit1 and abs(length0 - length1) <= step
+        layer = SURFACE if surface else EDGE
+        _add_hit(slot, points, evidence, born, cell_of, counters, params, x, y, layer)
+
+
+@njit(cache=True)
+def integrate(
+    slot,
+    seen,
+    points,
+    evidence,
+    born,
+    cell_of,
+    counters,
+    beams,
+    params,
+    rays,
+    count,
+    north0,
+    east0,
+):
+    """Take the first `count` rows of `rays` into the map, in order; returns how many were new.
+
+    `counters[VERSION]` must be the version that this update leads to; APPEARED and CLEARED are
+    set to what happened.
+    """
+    counters[APPEARED] = 0
+    counters[CLEARED] = 0
+    cell = params[P_CELL]
+    taken = 0
+    ray = np.empty(BEAM_COLUMNS)
+    for k in range(count):
+        b = int(rays[k, R_BEAM])
+        stamp = rays[k, R_STAMP]
+        known = beams[b, B_KIND] >= 0.0
+        if known and stamp <= beams[b, B_STAMP]:
+            continue  # repeated, or overtaken by a newer one: no new knowledge
+        taken += 1
+        kind = rays[k, R_KIND]
+        ray[B_KIND] = kind
+        ray[B_STAMP] = stamp
+        ray[B_X] = (rays[k, R_NORTH] - north0) / cell
+        ray[B_Y] = (rays[k, R_EAST] - east0) / cell
+        ray[B_COS] = rays[k, R_COS]
+        ray[B_SIN] = rays[k, R_SIN]
+        ray[B_LENGTH] = rays[k, R_LENGTH] / cell
+        x, y, ux, uy = ray[B_X], ray[B_Y], ray[B_COS], ray[B_SIN]
+        length = ray[B_LENGTH]
+        if kind != NOTHING:
+            reach = length - params[P_FREE_SHRINK]
+            if reach > 0.0:
+                _clear_along(
+                    slot, points, evidence, born, cell_of, counters, params, x, y, ux, uy, reach
+                )
+        if kind == HIT:
+            _add_hit(
+                slot,
+                points,
+                evidence,
+                born,
+                cell_of,
+                counters,
+                params,
+                x + ux * length,
+                y + uy * length,
+                SURFACE,
+            )
+        follows = known and _follows(beams, b, stamp)
+        if follows and kind != NOTHING and beams[b, B_KIND] != NOTHING:
+            _join(slot, seen, points, evidence, born, cell_of, counters, beams, params, b, ray)
+        beams[b, :B_PERIOD] = ray[:B_PERIOD]
+    if taken > 0:
+        last = count - 1
+        _see_disc(
+            seen,
+            (rays[last, R_CENTRE_N] - north0) / cell,
+            (rays[last, R_CENTRE_E] - east0) / cell,
+            params[P_BODY],
+            rays[last, R_STAMP],
+        )
+    return taken
+
+
+@njit(cache=True)
+def see_disc(seen, params, north0, east0, north, east, radius, stamp):
+    """Mark the disc (metres) as seen at `stamp`."""
+    cell = params[P_CELL]
+    _see_disc(seen, (north - north0) / cell, (east - east0) / cell, radius / cell, stamp)
+
+
+@njit(cache=True)
+def _accounted(slot, points, evidence, params, i, j):
+    """Whether an occupied point lies within P_ACCOUNTED of the centre of cell (i, j)."""
+    near = params[P_ACCOUNTED]
+    reach = math.ceil(near + 0.5)
+    for ii in range(max(0, i - reach), min(slot.shape[0], i + reach + 1)):
+        for jj in range(max(0, j - reach), min(slot.shape[1], j + reach + 1)):
+            for layer in range(LAYERS):
+                s = slot[ii, jj, layer]
+                if s < 0 or evidence[s] < params[P_OCCUPIED]:
+                    continue
+                if (points[s, 0] - i - 0.5) ** 2 + (points[s, 1] - j - 0.5) ** 2 <= near * near:
+                    return True
+    return False
+
+
+@njit(cache=True)
+def _known(slot, seen, points, evidence, params, i, j, oldest):
+    """Whether cell (i, j) was seen free not before `oldest`, or belongs to a hit."""
+    if not _inside(slot, i, j):
+        return False
+    return seen[i, j] >= oldest or _accounted(slot, points, evidence, params, i, j)
+
+
+@njit(cache=True)
+def _nearest_square(slot, points, evidence, params, x, y, radius):
+    """Squared distance to the nearest occupied point within `radius` of (x, y), or inf."""
+    best = np.inf
+    for i in range(max(0, math.floor(x - radius)), min(slot.shape[0], math.floor(x + radius) + 1)):
+        for j in range(
+            max(0, math.floor(y - radius)),
+            min(slot.shape[1], math.floor(y + radius) + 1),
+        ):
+            for layer in range(LAYERS):
+                s = slot[i, j, layer]
+                if s >= 0 and evidence[s] >= params[P_OCCUPIED]:
+                    d2 = (points[s, 0] - x) ** 2 + (points[s, 1] - y) ** 2
+                    if d2 < best and d2 < radius * radius:
+                        best = d2
+    return best
+
+
+@njit(cache=True)
+def _hit_contact(a, b, square, radius, start2):
+    """How far one may go before a point is too near; inf for never.
+
+    The point lies `a` ahead and `b` aside, `square` its squared distance. Too near at travel s
+    is nearer than `radius` and, when the start is too near already (`start2` < radius^2 is the
+    squared distance of the nearest point), also nearer than sqrt(start2) + ESCAPE_RATE * s. Both
+    are intervals of s, because distance to a point is convex along a line.
+    """
+    h = radius * radius - b * b
+    if h <= 0.0:
+        return np.inf
+    w = math.sqrt(h)
+    begin = a - w
+    end = a + w
+    if start2 < radius * radius:
+        # (a - s)^2 + b^2 = (d0 + k s)^2
+        lead = 1.0 - ESCAPE_RATE * ESCAPE_RATE
+        half = a + ESCAPE_RATE * math.sqrt(start2)
+        under = half * half - lead * (square - start2)
+        if under < 0.0:
+            return np.inf
+        w = math.sqrt(under)
+        begin = max(begin, (half - w) / lead)
+        end = min(end, (half + w) / lead)
+    begin = max(begin, 0.0)
+    return begin if end > begin + 1e-9 else np.inf
+
+
+@njit(cache=True)
+def _unseen_contact(a, b, radius):
+    """How far one may go before an unseen cell centre is within `radius`; inf for never.
+
+    A cell within `radius` at the start blocks at once, unless it lies clearly behind.
+    """
+    h = radius * radius - b * b
+    if h < 0.0:
+        return np.inf
+    square = a * a + b * b
+    if square <= radius * radius:
+        return np.inf if a < -ESCAPE_RATE * math.sqrt(square) else 0.0
+    return a - math.sqrt(h) if a > 0.0 else np.inf
+
+
+@njit(cache=True)
+def free_distance(
+    slot, seen, points, evidence, params, north0, east0, north, east, cos, sin, limit, now
+):
+    """`ObstacleMap.free_distance_m` for the direction (cos, sin); metres."""
+    cell = params[P_CELL]
+    x = (north - north0) / cell
+    y = (east - east0) / cell
+    hit_radius = params[P_HIT_RADIUS]
+    seen_radius = params[P_SEEN_RADIUS]
+    oldest = now - params[P_MAX_AGE]
+    start2 = _nearest_square(slot, points, evidence, params, x, y, hit_radius)
+    best = limit / cell
+    reach = max(hit_radius, seen_radius) + 1.0
+    end_x = x + best * cos
+    end_y = y + best * sin
+    low = min(y, end_y) - reach
+    high = max(y, end_y) + reach
+    for i in range(math.floor(min(x, end_x) - reach), math.floor(max(x, end_x) + reach) + 1):
+        dx = i + 0.5 - x
+        left = low
+        right = high
+        if abs(cos) > 1e-3:  # the part of the row that lies in the corridor
+            across = y + dx * sin / cos
+            half = reach / abs(cos)
+            left = max(low, across - half)
+            right = min(high, across + half)
+        for j in range(math.floor(left), math.floor(right) + 1):
+            if _inside(slot, i, j):
+                for layer in range(LAYERS):
+                    s = slot[i, j, layer]
+                    if s < 0 or evidence[s] < params[P_OCCUPIED]:
+                        continue
+                    px = points[s, 0] - x
+                    py = points[s, 1] - y
+                    best = min(
+                        best,
+                        _hit_contact(
+                            px * cos + py * sin,
+                            py * cos - px * sin,
+                            px * px + py * py,
+                            hit_radius,
+                            start2,
+                        ),
+                    )
+                if seen[i, j] >= oldest:
+                    continue
+            dy = j + 0.5 - y
+            contact = _unseen_contact(dx * cos + dy * sin, dy * cos - dx * sin, seen_radius)
+            if contact < best and not _known(slot, seen, points, evidence, params, i, j, oldest):
+                best = contact
+    return best * cell
+
+
+@njit(cache=True)
+def nearest(points, evidence, counters, params, north0, east0, north, east):
+    """(distance_m, index) of the occupied point nearest to a position; (inf, -1) for none."""
+    cell = params[P_CELL]
+    x = (north - north0) / cell
+    y = (east - east0) / cell
+    best = np.inf
+    index = -1
+    for s in range(counters[COUNT]):
+        d2 = (points[s, 0] - x) ** 2 + (points[s, 1] - y) ** 2
+        if d2 < best and evidence[s] >= params[P_OCCUPIED]:
+            best = d2
+            index = s
+    return math.sqrt(best) * cell, index
+
+
+@njit(cache=True)
+def occupied(points, evidence, born, counters, params, north0, east0, since):
+    """(n, 2) north and east of the occupied points born after version `since`."""
+    total = 0
+    for s in range(counters[COUNT]):
+        if evidence[s] >= params[P_OCCUPIED] and born[s] > since:
+            total += 1
+    out = np.empty((total, 2))
+    k = 0
+    for s in range(counters[COUNT]):
+        if evidence[s] >= params[P_OCCUPIED] and born[s] > since:
+            out[k, 0] = points[s, 0] * params[P_CELL] + north0
+            out[k, 1] = points[s, 1] * params[P_CELL] + east0
+            k += 1
+    return out
+
+
+@njit(cache=True)
+def forget(
+    slot,
+    seen,
+    points,
+    evidence,
+    born,
+    cell_of,
+    counters,
+    params,
+    north0,
+    east0,
+    north,
+    east,
+    radius,
+    keep,
+):
+    """Remove points within `radius` of the position, and sights between `keep` and `radius`."""
+    cell = params[P_CELL]
+    x = (north - north0) / cell
+    y = (east - east0) / cell
+    counters[CLEARED] = 0
+    r2 = (radius / cell) ** 2
+    k2 = (keep / cell) ** 2
+    for s in range(counters[COUNT] - 1, -1, -1):
+        if (points[s, 0] - x) ** 2 + (points[s, 1] - y) ** 2 <= r2:
+            if evidence[s] >= params[P_OCCUPIED]:
+                counters[CLEARED] += 1
+            _remove_point(slot, points, evidence, born, cell_of, counters, s)
+    rows, columns = seen.shape
+    span = min(radius / cell, 1.0e6)
+    for i in range(max(0, int(x - span)), min(rows, int(x + span) + 1)):
+        for j in range(max(0, int(y - span)), min(columns, int(y + span) + 1)):
+            d2 = (i + 0.5 - x) ** 2 + (j + 0.5 - y) ** 2
+            if k2 < d2 <= r2:
+                seen[i, j] = -np.inf
+
+
+@njit(cache=True)
+def seen_fraction(
+    slot, seen, points, evidence, params, north0, east0, north, east, radius, oldest, bearings
+):
+    """`ObstacleMap.seen_fraction_around`: marching out along evenly spread bearings."""
+    cell = params[P_CELL]
+    x = (north - north0) / cell
+    y = (east - east0) / cell
+    steps = int(radius / cell)
+    total = 0
+    good = 0
+    for k in range(bearings):
+        cos = math.cos(2.0 * math.pi * k / bearings)
+        sin = math.sin(2.0 * math.pi * k / bearings)
+        for step in range(1, steps + 1):
+            i = math.floor(x + step * cos)
+            j = math.floor(y + step * sin)
+            total += 1
+            if _inside(seen, i, j) and seen[i, j] >= oldest:
+                good += 1
+            elif _known(slot, seen, points, evidence, params, i, j, oldest):
+                good += 1
+                break
+    return good / total if total > 0 else 1.0
+
+
+@njit(cache=True)
+def thin(points, spacing):
+    """Indices of a greedy subset: in order, each point farther than `spacing` from all kept."""
+    kept = np.empty(points.shape[0], dtype=np.int64)
+    count = 0
+    for s in range(points.shape[0]):
+        free = True
+        for k in range(count):
+            q = kept[k]
+            if (points[s, 0] - points[q, 0]) ** 2 + (
+                points[s, 1] - points[q, 1]
+            ) ** 2 <= spacing * spacing:
+                free = False
+                break
+        if free:
+            kept[count] = s
+            count += 1
+    return kept[:count]

@@ -1,0 +1,454 @@
+"""The map in the plane of flight: where rays ended, and which space was seen to be free.
+
+Evidence per cell, distances to the mean of the hits in a cell (never to the cell's centre), and a
+time stamp of the last sight per cell. README.md explains the rules and shows a picture.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from autonomy.config import MapConfig
+from autonomy.geometry import Point
+from autonomy.perception import kernels
+from autonomy.perception.projection import Ray, RayKind
+from hal.config import Fence
+from hal.frames import Vector3
+
+FloatArray = npt.NDArray[np.float64]
+
+# Beyond the fence the map reaches farther than any beam, so that what is near the fence is known.
+MARGIN_M = 1.2
+# An accumulated shift of the frame up to this is carried as an offset; then cells are moved.
+OFFSET_MAX_M = 0.5
+# The vehicle stands where it stands: its disc, less the error of its position, is free.
+BODY_SHRINK_M = 0.01
+SWEEP_BEARINGS = 120
+
+
+class ObstacleMap:
+    """Evidence grid over the fence's bounding box and 1.2 m more; implements hal's SeenSpace.
+
+    Space outside the grid counts as not seen. Deterministic: the same rays in the same order
+    give the same map, bit for bit, including the order of `hits`.
+    """
+
+    def __init__(self, config: MapConfig, body_radius_m: float, fence: Fence) -> None:
+        self._config = config
+        self._cell_m = config.cell_m
+        north_min, north_max, east_min, east_max = fence.bounds()
+        self._north0_m = self._home_north_m = north_min - MARGIN_M
+        self._east0_m = self._home_east_m = east_min - MARGIN_M
+        rows = math.ceil((north_max + MARGIN_M - self._north0_m) / self._cell_m)
+        columns = math.ceil((east_max + MARGIN_M - self._east0_m) / self._cell_m)
+        self._slot = np.full((rows, columns, kernels.LAYERS), -1, dtype=np.int32)
+        self._seen = np.full((rows, columns), -np.inf)
+        self._points = np.zeros((1024, 2))
+        self._evidence = np.zeros(1024, dtype=np.int32)
+        self._born = np.zeros(1024, dtype=np.int64)
+        self._cell_of = np.zeros(1024, dtype=np.int64)
+        self._counters = np.zeros(kernels.COUNTERS, dtype=np.int64)
+        self._beams = _no_rays(8)
+        self._rays = np.zeros((16, kernels.RAY_COLUMNS))
+        self._params = _parameters(config, body_radius_m)
+        self._now_s: float | None = None
+        self._waiting_discs: list[tuple[Point, float]] = []
+        self._version = 0
+        self._cleared_version = 0
+        self._hits: FloatArray | None = None
+
+    # ------------------------------------------------------------ taking in
+
+    def update(self, now_s: float, rays: Sequence[Ray]) -> None:
+        """Take in new rays, oldest first for each beam; repeated or older ones change nothing.
+
+        `now_s` is the time of the step, on the same axis as the stamps of the rays.
+        """
+        self._now_s = now_s
+        for point, radius_m in self._waiting_discs:
+            self.mark_seen_disc(point, radius_m, now_s)
+        self._waiting_discs.clear()
+        if not rays:
+            return
+        self._make_room(rays)
+        table = self._rays
+        for row, ray in enumerate(rays):
+            table[row] = (
+                ray.stamp_s,
+                ray.beam,
+                ray.kind,
+                ray.origin_ned_m[0],
+                ray.origin_ned_m[1],
+                math.cos(ray.bearing_rad),
+                math.sin(ray.bearing_rad),
+                ray.length_m,
+                ray.centre[0],
+                ray.centre[1],
+            )
+        counters = self._counters
+        counters[kernels.VERSION] = self._version + 1
+        taken = kernels.integrate(
+            self._slot,
+            self._seen,
+            self._points,
+            self._evidence,
+            self._born,
+            self._cell_of,
+            counters,
+            self._beams,
+            self._params,
+            table,
+            len(rays),
+            self._north0_m,
+            self._east0_m,
+        )
+        if taken:
+            self._hits = None
+        self._count_changes()
+
+    def mark_seen_disc(
+        self, point: Point, radius_m: float | None = None, now_s: float | None = None
+    ) -> None:
+        """Take the disc for seen free at `now_s` (default: the last update, or else the first).
+
+        `radius_m` defaults to the configured start disc.
+        """
+        radius = self._config.start_disc_m if radius_m is None else radius_m
+        stamp_s = self._now_s if now_s is None else now_s
+        if stamp_s is None:
+            self._waiting_discs.append((point, radius))
+            return
+        kernels.see_disc(
+            self._seen, self._params, *self._origin(), point[0], point[1], radius, stamp_s
+        )
+
+    def shift(self, delta_ne: Point) -> None:
+        """The frame jumped: what was at p is at p + `delta_ne` now. Loses nothing on the map.
+
+        The grid's origin moves, exactly; only when it has drifted far from the fence are whole
+        cells moved, which loses what leaves the grid. Every hit counts as new afterwards.
+        """
+        if delta_ne == (0.0, 0.0):
+            return
+        self._north0_m += delta_ne[0]
+        self._east0_m += delta_ne[1]
+        drift_n = self._north0_m - self._home_north_m
+        drift_e = self._east0_m - self._home_east_m
+        if max(abs(drift_n), abs(drift_e)) > OFFSET_MAX_M:
+            self._move_cells(round(drift_n / self._cell_m), round(drift_e / self._cell_m))
+        self._version += 1
+        self._born[: self._count] = self._version
+        self._hits = None
+
+    # ------------------------------------------------------------ forgetting
+
+    def forget_within(self, point: Point, radius_m: float, keep_disc_m: float) -> None:
+        """Forget all hits within `radius_m` of `point`, and all sights except the inner disc's.
+
+        Nothing moves there before it is seen again: unseen space blocks.
+        """
+        kernels.forget(
+            self._slot,
+            self._seen,
+            self._points,
+            self._evidence,
+            self._born,
+            self._cell_of,
+            self._counters,
+            self._params,
+            *self._origin(),
+            point[0],
+            point[1],
+            radius_m,
+            keep_disc_m,
+        )
+        self._counters[kernels.APPEARED] = 0
+        self._hits = None
+        self._count_changes()
+
+    def forget_all(self, point: Point, keep_disc_m: float) -> None:
+        """Forget the whole map except that the disc around `point` was seen."""
+        rows, columns = self._seen.shape
+        self.forget_within(point, (rows + columns) * self._cell_m + 1.0e3, keep_disc_m)
+
+    # ------------------------------------------------------------ hits
+
+    @property
+    def version(self) -> int:
+        """Increases with every change of the set of occupied cells (new, cleared, moved)."""
+        return self._version
+
+    @property
+    def cleared_version(self) -> int:
+        """The version in which hits last vanished (cleared by rays, or forgotten)."""
+        return self._cleared_version
+
+    @property
+    def hit_count(self) -> int:
+        """Number of `hits`."""
+        return len(self.hits())
+
+    def hits(self) -> FloatArray:
+        """(n, 2) north, east of the mean hit point of each occupied cell, in m; read-only.
+
+        A cell at an obstacle's edge has two: the mean of the rays' ends and that of the edges.
+
+        Computed when first asked for after an update. The order is deterministic, not spatial.
+        """
+        if self._hits is None:
+            hits = self._occupied_since(-1)
+            hits.setflags(write=False)
+            self._hits = hits
+        return self._hits
+
+    def new_hits_since(self, version: int) -> FloatArray:
+        """(m, 2) the hits whose cells became occupied after the map's `version`.
+
+        A hit that only moved inside its cell (less than the cell's size) is not new.
+        """
+        if version >= self._version:
+            return np.empty((0, 2))
+        return self._occupied_since(version)
+
+    # ------------------------------------------------------------ SeenSpace
+
+    def free_distance_m(
+        self, position_ned_m: Vector3, heading_rad: float, limit_m: float, now_s: float
+    ) -> float:
+        """How far the body may travel from the position along the bearing, at most `limit_m`.
+
+        The way ends at the first travel s >= 0 where
+        - a hit is nearer than `corridor_hit_m` to the centre. When one is nearer than that at the
+          start already (at distance d0), the limit is min(corridor_hit_m, d0 + 0.17 s) instead:
+          motion is free that gains at least 17 cm of clearance per metre (so straight away from
+          a wall, or up to 80 degrees off that), and no other hit may come nearer meanwhile;
+        - a cell with its centre within `corridor_seen_m` was not seen free within the last
+          `seen_max_age_s` and has no hit within `accounted_within_m` of its centre. A cell within
+          that radius at the start already blocks at once, unless its direction is more than 100
+          degrees off the motion.
+        """
+        if not limit_m > 0.0:
+            return 0.0
+        distance: float = kernels.free_distance(
+            self._slot,
+            self._seen,
+            self._points,
+            self._evidence,
+            self._params,
+            self._north0_m,
+            self._east0_m,
+            position_ned_m[0],
+            position_ned_m[1],
+            math.cos(heading_rad),
+            math.sin(heading_rad),
+            limit_m,
+            now_s,
+        )
+        return distance
+
+    def clearance_m(self, position_ned_m: Vector3, limit_m: float) -> float:
+        """Horizontal distance from the position to the nearest hit, at most `limit_m`."""
+        return min(limit_m, self._nearest(position_ned_m)[0])
+
+    def nearest_hit(self, position_ned_m: Vector3, limit_m: float) -> tuple[float, float] | None:
+        """(distance_m, NED bearing_rad) of the nearest hit within `limit_m`, else None."""
+        distance, index = self._nearest(position_ned_m)
+        if index < 0 or distance > limit_m:
+            return None
+        north = self._points[index, 0] * self._cell_m + self._north0_m - position_ned_m[0]
+        east = self._points[index, 1] * self._cell_m + self._east0_m - position_ned_m[1]
+        return distance, math.atan2(east, north)
+
+    # ------------------------------------------------------------ further questions
+
+    def free_volume(self, position_ned_m: Vector3, limit_m: float) -> float:
+        """Table 2's V in m3: the free sphere around the position, radius at most `limit_m`."""
+        return 4.0 / 3.0 * math.pi * self.clearance_m(position_ned_m, limit_m) ** 3
+
+    def seen_fraction_around(
+        self,
+        point: Point,
+        radius_m: float,
+        now_s: float | None = None,
+        max_age_s: float | None = None,
+    ) -> float:
+        """How much of the space in line of sight around `point` was seen, 0..1.
+
+        Along each of 120 bearings, cell by cell, to `radius_m` or to the first cell that belongs
+        to a hit. `now_s` defaults to the last update, `max_age_s` to `seen_max_age_s`. Cells
+        beyond the beams' range less `free_shrink_m` cannot be seen from the point itself.
+        """
+        now = self._now_s if now_s is None else now_s
+        age = self._config.seen_max_age_s if max_age_s is None else max_age_s
+        fraction: float = kernels.seen_fraction(
+            self._slot,
+            self._seen,
+            self._points,
+            self._evidence,
+            self._params,
+            *self._origin(),
+            point[0],
+            point[1],
+            radius_m,
+            math.inf if now is None else now - age,
+            SWEEP_BEARINGS,
+        )
+        return fraction
+
+    def seen_cells(self, now_s: float) -> FloatArray:
+        """(n, 2) north, east of the centres of the cells seen free recently; for pictures."""
+        index = np.argwhere(self._seen >= now_s - self._config.seen_max_age_s)
+        centres: FloatArray = (index + 0.5) * self._cell_m + np.array(self._origin())
+        return centres
+
+    # ------------------------------------------------------------ inside
+
+    @property
+    def _count(self) -> int:
+        return int(self._counters[kernels.COUNT])
+
+    def _origin(self) -> Point:
+        return self._north0_m, self._east0_m
+
+    def _nearest(self, position_ned_m: Vector3) -> tuple[float, int]:
+        answer: tuple[float, int] = kernels.nearest(
+            self._points,
+            self._evidence,
+            self._counters,
+            self._params,
+            self._north0_m,
+            self._east0_m,
+            position_ned_m[0],
+            position_ned_m[1],
+        )
+        return answer
+
+    def _occupied_since(self, version: int) -> FloatArray:
+        points: FloatArray = kernels.occupied(
+            self._points,
+            self._evidence,
+            self._born,
+            self._counters,
+            self._params,
+            *self._origin(),
+            version,
+        )
+        return points
+
+    def _count_changes(self) -> None:
+        cleared = self._counters[kernels.CLEARED] > 0
+        if cleared or self._counters[kernels.APPEARED] > 0:
+            self._version += 1
+        if cleared:
+            self._cleared_version = self._version
+
+    def _make_room(self, rays: Sequence[Ray]) -> None:
+        """Grow what the kernel must not: rays, beams, and the list (two new points a ray)."""
+        if len(rays) > len(self._rays):
+            self._rays = np.zeros((2 * len(rays), kernels.RAY_COLUMNS))
+        beams = 1 + max(ray.beam for ray in rays)
+        if beams > len(self._beams):
+            self._beams = np.concatenate((self._beams, _no_rays(beams - len(self._beams))))
+        while self._count + 2 * len(rays) > len(self._points):
+            self._points = _doubled(self._points)
+            self._evidence = _doubled(self._evidence)
+            self._born = _doubled(self._born)
+            self._cell_of = _doubled(self._cell_of)
+
+    def _move_cells(self, rows: int, columns: int) -> None:
+        """Move the content by whole cells and the origin back by as much; exact."""
+        self._north0_m -= rows * self._cell_m
+        self._east0_m -= columns * self._cell_m
+        seen = np.full_like(self._seen, -np.inf)
+        to_n, from_n = _overlap(rows, seen.shape[0])
+        to_e, from_e = _overlap(columns, seen.shape[1])
+        seen[to_n, to_e] = self._seen[from_n, from_e]
+        self._seen = seen
+        count = self._count
+        row, column, layer = np.unravel_index(self._cell_of[:count], self._slot.shape)
+        row, column = row + rows, column + columns
+        kept = (row >= 0) & (row < seen.shape[0]) & (column >= 0) & (column < seen.shape[1])
+        left = int(np.count_nonzero(kept))
+        place = (row[kept], column[kept], layer[kept])
+        self._points[:left] = self._points[:count][kept] + (rows, columns)
+        self._evidence[:left] = self._evidence[:count][kept]
+        self._cell_of[:left] = np.ravel_multi_index(place, self._slot.shape)
+        self._slot.fill(-1)
+        self._slot[place] = np.arange(left, dtype=np.int32)
+        self._counters[kernels.COUNT] = left
+        self._beams[:, kernels.B_X] += rows
+        self._beams[:, kernels.B_Y] += columns
+
+
+def warm_up() -> None:
+    """Compile (or load from numba's disk cache) every kernel with the types used in flight."""
+    fence = Fence.rectangle((-0.5, 0.5), (-0.5, 0.5))
+    obstacles = ObstacleMap(MapConfig(), 0.15, fence)
+    for step in range(3):
+        bearing = 0.03 * step
+        ray = Ray(
+            float(step) * 0.05, 0, RayKind.HIT, (0.0, 0.0, 0.0), bearing, 0.0, 0.5, (0.0, 0.0)
+        )
+        obstacles.update(float(step) * 0.05, (ray,))
+    origin = (0.0, 0.0, 0.0)
+    obstacles.mark_seen_disc((0.0, 0.0))
+    obstacles.free_distance_m(origin, 0.0, 0.5, 0.1)
+    obstacles.nearest_hit(origin, 1.0)
+    obstacles.seen_fraction_around((0.0, 0.0), 0.5)
+    representative_hits(obstacles.hits(), 0.02)
+    obstacles.forget_all((0.0, 0.0), 0.14)
+
+
+def representative_hits(hits: FloatArray, spacing_m: float) -> FloatArray:
+    """A subset of `hits` (n, 2) in which no two are within `spacing_m`, and each of the rest has
+    one of the subset within it. Depends on the set of points alone, not on their order.
+
+    Whoever plans with the subset must add `spacing_m` to its keep-out radius to keep clear of all.
+    """
+    order = np.lexsort((hits[:, 1], hits[:, 0]))
+    ordered = np.ascontiguousarray(hits[order])
+    chosen: FloatArray = ordered[kernels.thin(ordered, spacing_m)]
+    return chosen
+
+
+def _parameters(config: MapConfig, body_radius_m: float) -> FloatArray:
+    cell = config.cell_m
+    params = np.zeros(kernels.PARAMS)
+    params[kernels.P_CELL] = cell
+    params[kernels.P_GAIN] = config.hit_gain
+    params[kernels.P_CAP] = config.hit_cap
+    params[kernels.P_OCCUPIED] = config.occupied_from
+    params[kernels.P_CLEAR] = config.clear_within_m / cell
+    params[kernels.P_WEIGHT] = config.hit_mean_weight
+    params[kernels.P_EDGE_COS] = math.cos(math.radians(config.edge_rule_deg))
+    params[kernels.P_FREE_SHRINK] = config.free_shrink_m / cell
+    # In front of a hit the seen space must reach into the accounted space, or a ring of cells
+    # that nothing can ever see would remain between them.
+    meets = max(0.0, config.accounted_within_m - 0.75 * cell)
+    params[kernels.P_HIT_SHRINK] = min(config.free_shrink_m, meets) / cell
+    params[kernels.P_ACCOUNTED] = config.accounted_within_m / cell
+    params[kernels.P_MAX_AGE] = config.seen_max_age_s
+    params[kernels.P_HIT_RADIUS] = config.corridor_hit_m / cell
+    params[kernels.P_SEEN_RADIUS] = config.corridor_seen_m / cell
+    params[kernels.P_BODY] = max(0.0, body_radius_m - BODY_SHRINK_M) / cell
+    return params
+
+
+def _no_rays(beams: int) -> FloatArray:
+    table = np.zeros((beams, kernels.BEAM_COLUMNS))
+    table[:, kernels.B_KIND] = -1.0
+    return table
+
+
+def _doubled(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    return np.concatenate((array, np.zeros_like(array)))
+
+
+def _overlap(by: int, size: int) -> tuple[slice, slice]:
+    """Target and source slices of one axis when its content moves by `by` cells."""
+    if by >= 0:
+        return slice(min(by, size), size), slice(0, max(0, size - by))
+    return slice(0, max(0, size + by)), slice(min(-by, size), size)
