@@ -270,8 +270,8 @@ class Autopilot:
         reason = self.not_armable_because
         if reason:
             if reason.startswith("Preflight"):
-                self._say(Severity.WARNING, reason)
-            self._say(Severity.CRITICAL, "Arming denied: Resolve system health failures first")
+                self.say(Severity.WARNING, reason)
+            self.say(Severity.CRITICAL, "Arming denied: Resolve system health failures first")
             return Result.TEMPORARILY_REJECTED
         self._armed = True
         self._armed_s = self._now_s
@@ -279,7 +279,7 @@ class Autopilot:
         self._airborne = self._flown = False
         self._ramp_s = self._landed_s = self._touch_s = None
         self._entered = None
-        self._say(Severity.INFO, "Armed by external command")
+        self.say(Severity.INFO, "Armed by external command")
         return Result.ACCEPTED
 
     def disarm(self, *, force: bool = False) -> Result:
@@ -287,7 +287,7 @@ class Autopilot:
         if not self._armed:
             return Result.ACCEPTED
         if not self._landed and not force:
-            self._say(Severity.CRITICAL, "Disarming denied: not landed")
+            self.say(Severity.CRITICAL, "Disarming denied: not landed")
             return Result.TEMPORARILY_REJECTED
         self._disarm("Disarmed by external command")
         return Result.ACCEPTED
@@ -300,20 +300,20 @@ class Autopilot:
         if altitude_amsl_m is not None and math.isfinite(altitude_amsl_m):
             target_m = self.origin[2] - altitude_amsl_m
         elif self._armed:
-            self._say(Severity.INFO, f"Using default takeoff altitude: {height_m:.1f} m")
+            self.say(Severity.INFO, f"Using default takeoff altitude: {height_m:.1f} m")
         self._command(Mode.TAKEOFF)
         self._climb_to_m = min(target_m, self.estimated_position_ned_m[2])
         return Result.ACCEPTED
 
     def land(self) -> Result:
         """MAV_CMD_NAV_LAND."""
-        self._say(Severity.INFO, "Landing at current position")
+        self.say(Severity.INFO, "Landing at current position")
         self._command(Mode.LAND)
         return Result.ACCEPTED
 
     def return_to_launch(self) -> Result:
         """MAV_CMD_NAV_RETURN_TO_LAUNCH."""
-        self._say(Severity.INFO, "Returning to launch")
+        self.say(Severity.INFO, "Returning to launch")
         self._command(Mode.RETURN)
         return Result.ACCEPTED
 
@@ -332,10 +332,10 @@ class Autopilot:
         try:
             mode = Mode(sub << 24 | main << 16)
         except ValueError:
-            self._say(Severity.CRITICAL, "Unsupported main mode")
+            self.say(Severity.CRITICAL, "Unsupported main mode")
             return Result.TEMPORARILY_REJECTED
         if self._armed and not self._available(mode):
-            self._say(
+            self.say(
                 Severity.CRITICAL,
                 f"Switching to {_NAMES[mode]} is currently not available",
             )
@@ -442,7 +442,7 @@ class Autopilot:
         self._loss_jitter_s = float(self._rng.uniform(*_OFFBOARD_LOSS_JITTER_S))
         # Without a remote control every fallback to a piloted mode ends in a return.
         self._failsafe = _OBL_ACTIONS.get(int(self.parameters["COM_OBL_RC_ACT"]), Mode.RETURN)
-        self._say(Severity.CRITICAL, "Failsafe activated")
+        self.say(Severity.CRITICAL, "Failsafe activated")
 
     def _enter(self, mode: Mode) -> None:
         """Take over from the mode before: where to stop, how high to climb."""
@@ -466,7 +466,7 @@ class Autopilot:
         self._return_height_m = max(height, cone)
         self._return_phase = "climb"
         amsl = self.origin[2] - home[2] + self._return_height_m
-        self._say(
+        self.say(
             Severity.INFO,
             f"RTL: start return at {amsl:.0f} m ({self._return_height_m:.0f} m above destination)",
         )
@@ -552,7 +552,7 @@ class Autopilot:
             self._return_phase = "fly"
         if self._return_phase == "fly" and away < float(self.parameters["NAV_ACC_RAD"]):
             self._return_phase = "land"
-            self._say(Severity.INFO, "RTL: land at destination")
+            self.say(Severity.INFO, "RTL: land at destination")
         vertical = 0.0
         fastest = float(self.parameters["MPC_XY_CRUISE"])
         if self._return_phase == "land":
@@ -592,7 +592,7 @@ class Autopilot:
             self._landed = False
             self._flown = True
             self._landed_s = None
-            self._say(Severity.INFO, "Takeoff detected")
+            self.say(Severity.INFO, "Takeoff detected")
         ramp_s = float(self.parameters["MPC_TKO_RAMP_T"])
         early_s = _LIFT_OFF_AUTO_S if self.mode is Mode.TAKEOFF else _LIFT_OFF_OFFBOARD_S
         if not self._landed and since_s >= ramp_s + early_s:
@@ -613,7 +613,7 @@ class Autopilot:
             self._airborne = False
             self._ramp_s = None
             self._landed_s = self._now_s
-            self._say(Severity.INFO, "Landing detected")
+            self.say(Severity.INFO, "Landing detected")
 
     def _auto_disarm(self) -> None:
         if not self._landed:
@@ -641,7 +641,7 @@ class Autopilot:
             self._intended = self._before_landing
         if self._intended is Mode.TAKEOFF:
             self._intended = Mode.HOLD
-        self._say(Severity.INFO, text)
+        self.say(Severity.INFO, text)
 
     def _apply_limits(self) -> None:
         p = self.parameters
@@ -656,5 +656,6 @@ class Autopilot:
             )
         )
 
-    def _say(self, severity: Severity, text: str) -> None:
+    def say(self, severity: Severity, text: str) -> None:
+        """Queue a status text."""
         self.texts.append(AutopilotText(self._now_s, severity, text))

@@ -34,14 +34,17 @@ FREE3: Vector3 = (_NAN, _NAN, _NAN)
 # Layout of the state vector.
 _POS, _VEL, _ACC, _INT = 0, 3, 6, 9
 _YAW, _RATE, _RATE_LAG = 12, 13, 14
-_DELAY_H, _DELAY_Z, _DELAY_YAW = 15, 21, 23
-_DELAY_YAW_STEPS = 9
-_STATE_SIZE = _DELAY_YAW + _DELAY_YAW_STEPS
+# Dead times as shift registers of substeps: 0.03 s, 0.03 s, 0.02 s, 0.09 s.
+_DELAY_N, _DELAY_E, _DELAY_D, _DELAY_YAW = 15, 18, 21, 23
+_STATE_SIZE = 32
 
 # Layout of the command vector.
 _P_SP, _V_SP, _YAW_SP, _RATE_SP = 0, 3, 6, 7
 _P_ERR, _V_ERR, _YAW_ERR, _A_FF = 8, 11, 14, 15
 _COMMAND_SIZE = 18
+
+_YAW_LAG_S = 0.135
+_YAW_GAIN_PER_S = 1.3
 
 
 class Motors(IntEnum):
@@ -83,11 +86,87 @@ _DEFAULT_LIMITS = Limits()
 
 
 @njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def _limited(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)
+
+
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def _demand(p_sp: float, v_sp: float, estimate: float, gain: float) -> float:
+    """Velocity wanted along one axis; NaN means that the component is free."""
+    demand = 0.0 if math.isnan(v_sp) else v_sp
+    if not math.isnan(p_sp):
+        demand += gain * (p_sp - estimate)
+    return demand
+
+
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def _turn_demand(c: NDArray[np.float64], yaw: float, limit: float) -> float:
+    rate = 0.0 if math.isnan(c[_RATE_SP]) else c[_RATE_SP]
+    if not math.isnan(c[_YAW_SP]):
+        error = (c[_YAW_SP] - yaw - c[_YAW_ERR] + math.pi) % (2.0 * math.pi) - math.pi
+        rate += _YAW_GAIN_PER_S * error
+    return _limited(rate, -limit, limit)
+
+
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def _shift(s: NDArray[np.float64], first: int, last: int, newest: float) -> float:
+    """Push `newest` into the shift register s[first:last]; what falls out."""
+    oldest: float = s[first]
+    for i in range(first, last - 1):
+        s[i] = s[i + 1]
+    s[last - 1] = newest
+    return oldest
+
+
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def _axis(
+    s: NDArray[np.float64], c: NDArray[np.float64], i: int, sp: float, h: float, k: float
+) -> None:
+    """One substep of the velocity loop of axis `i`."""
+    p_gain, i_gain, d_gain, lag = (1.8, 0.4, 0.2, 0.26) if i < 2 else (4.0, 2.0, 0.0, 0.043)
+    dv = s[_ACC + i] - k * s[_VEL + i]
+    error = sp - s[_VEL + i] - c[_V_ERR + i]
+    u = p_gain * error + s[_INT + i] - d_gain * dv + c[_A_FF + i]
+    u = _limited(u, -GRAVITY_M_S2, GRAVITY_M_S2)
+    s[_INT + i] = _limited(s[_INT + i] + i_gain * error * h, -5.0, 5.0)
+    s[_ACC + i] += (u - s[_ACC + i]) / lag * h
+    s[_VEL + i] += dv * h
+    s[_POS + i] += s[_VEL + i] * h
+
+
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def _unpowered(s: NDArray[np.float64], h: float, k: float, floor: float) -> None:
+    """One substep without thrust: free fall with drag, or standing on the floor."""
+    for i in range(_ACC, _INT + 3):
+        s[i] = 0.0
+    s[_RATE] = s[_RATE_LAG] = 0.0
+    standing = s[_POS + 2] >= floor - 1e-9
+    for i in range(3):
+        if standing:
+            s[_VEL + i] = 0.0
+            continue
+        pull = GRAVITY_M_S2 if i == 2 else 0.0
+        s[_VEL + i] += (pull - k * s[_VEL + i]) * h
+        s[_POS + i] += s[_VEL + i] * h
+
+
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def _touch(s: NDArray[np.float64], floor: float) -> None:
+    """The floor holds the vehicle, and friction its place."""
+    if s[_POS + 2] < floor:
+        return
+    s[_POS + 2] = floor
+    for first in (_VEL, _ACC, _INT):
+        s[first] = s[first + 1] = 0.0
+        s[first + 2] = min(s[first + 2], 0.0)
+
+
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
 def _advance(
     s: NDArray[np.float64],
     c: NDArray[np.float64],
     limits: NDArray[np.float64],
-    motors: int,
+    powered: bool,  # noqa: FBT001  a kernel has no keyword arguments
     steps: int,
     h: float,
     k: float,
@@ -95,79 +174,29 @@ def _advance(
 ) -> None:
     """Advance the state `s` by `steps` substeps of `h` seconds, in place."""
     for _ in range(steps):
-        # ---- position loop, on the estimate
-        vn = 0.0 if math.isnan(c[3]) else c[3]
-        ve = 0.0 if math.isnan(c[4]) else c[4]
-        vd = 0.0 if math.isnan(c[5]) else c[5]
-        if not math.isnan(c[0]):
-            vn += limits[0] * (c[0] - s[0] - c[8])
-        if not math.isnan(c[1]):
-            ve += limits[0] * (c[1] - s[1] - c[9])
-        if not math.isnan(c[2]):
-            vd += limits[1] * (c[2] - s[2] - c[10])
-        speed = math.sqrt(vn * vn + ve * ve)
-        if speed > limits[2]:
-            vn *= limits[2] / speed
-            ve *= limits[2] / speed
-        vd = min(max(vd, -limits[3]), limits[4])
-        rate = 0.0 if math.isnan(c[7]) else c[7]
-        if not math.isnan(c[6]):
-            error = (c[6] - s[12] - c[14] + math.pi) % (2.0 * math.pi) - math.pi
-            rate += 1.3 * error
-        rate = min(max(rate, -limits[5]), limits[5])
-        # ---- dead times: shift registers, oldest first
-        sp_n, sp_e, sp_d, sp_r = s[15], s[16], s[21], s[23]
-        for i in range(15, 19):
-            s[i] = s[i + 2]
-        s[19], s[20] = vn, ve
-        s[21] = s[22]
-        s[22] = vd
-        for i in range(23, 31):
-            s[i] = s[i + 1]
-        s[31] = rate
-        if motors < 2:
-            for i in range(6, 12):
-                s[i] = 0.0
-            s[13] = 0.0
-            s[14] = 0.0
-            fall = 0.0
-            if s[2] < floor - 1e-9:
-                fall = 9.80665
-            else:
-                s[3] = 0.0
-                s[4] = 0.0
-                s[5] = 0.0
-            s[3] -= k * s[3] * h
-            s[4] -= k * s[4] * h
-            s[5] += (fall - k * s[5]) * h
-            for i in range(3):
-                s[i] += s[3 + i] * h
-            if s[2] >= floor:
-                s[2] = floor
-                s[5] = 0.0
+        north = _demand(c[0], c[3], s[0] + c[_P_ERR], limits[0])
+        east = _demand(c[1], c[4], s[1] + c[_P_ERR + 1], limits[0])
+        down = _demand(c[2], c[5], s[2] + c[_P_ERR + 2], limits[1])
+        excess = math.sqrt(north * north + east * east) / limits[2]
+        if excess > 1.0:
+            north, east = north / excess, east / excess
+        down = _limited(down, -limits[3], limits[4])
+        turn = _turn_demand(c, s[_YAW], limits[5])
+        north = _shift(s, _DELAY_N, _DELAY_E, north)
+        east = _shift(s, _DELAY_E, _DELAY_D, east)
+        down = _shift(s, _DELAY_D, _DELAY_YAW, down)
+        turn = _shift(s, _DELAY_YAW, _STATE_SIZE, turn)
+        if not powered:
+            _unpowered(s, h, k, floor)
+            _touch(s, floor)
             continue
-        # ---- velocity loops
-        for i in range(3):
-            sp = sp_n if i == 0 else (sp_e if i == 1 else sp_d)
-            p_gain, i_gain, d_gain, lag = (1.8, 0.4, 0.2, 0.26) if i < 2 else (4.0, 2.0, 0.0, 0.043)
-            dv = s[6 + i] - k * s[3 + i]
-            error = sp - s[3 + i] - c[11 + i]
-            u = p_gain * error + s[9 + i] - d_gain * dv + c[15 + i]
-            u = min(max(u, -9.80665), 9.80665)
-            s[9 + i] = min(max(s[9 + i] + i_gain * error * h, -5.0), 5.0)
-            s[6 + i] += (u - s[6 + i]) / lag * h
-            s[3 + i] += dv * h
-            s[i] += s[3 + i] * h
-        s[14] += (sp_r - s[14]) / 0.135 * h
-        s[13] += (s[14] - s[13]) / 0.135 * h
-        s[12] = (s[12] + s[13] * h + math.pi) % (2.0 * math.pi) - math.pi
-        # ---- the floor holds the vehicle, and friction its place
-        if s[2] >= floor:
-            s[2] = floor
-            for i in range(3):
-                s[3 + i] = min(s[3 + i], 0.0) if i == 2 else 0.0
-                s[6 + i] = min(s[6 + i], 0.0) if i == 2 else 0.0
-                s[9 + i] = min(s[9 + i], 0.0) if i == 2 else 0.0
+        _axis(s, c, 0, north, h, k)
+        _axis(s, c, 1, east, h, k)
+        _axis(s, c, 2, down, h, k)
+        s[_RATE_LAG] += (turn - s[_RATE_LAG]) / _YAW_LAG_S * h
+        s[_RATE] += (s[_RATE_LAG] - s[_RATE]) / _YAW_LAG_S * h
+        s[_YAW] = (s[_YAW] + s[_RATE] * h + math.pi) % (2.0 * math.pi) - math.pi
+        _touch(s, floor)
 
 
 class Quadrotor:
@@ -230,7 +259,7 @@ class Quadrotor:
             self._state,
             c,
             self._limits,
-            int(motors),
+            motors is Motors.FLYING,
             steps,
             dt_s / steps,
             self._drag_per_s,

@@ -1,0 +1,257 @@
+"""A PX4 on the other end of a UDP link: `python -m hal.sim.mock_px4 --scenario default`.
+
+Like PX4's onboard link it streams to 127.0.0.1:14540 from a port of its own without having been
+asked, and answers whoever sends to it. It runs in real time; when the machine is too slow its time
+slips, as PX4's does in lock-step simulation.
+"""
+
+import argparse
+import contextlib
+import select
+import signal
+import socket
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from hal.config import BeamsConfig
+from hal.errors import HalError
+from hal.sim.mock_px4_plant import Plant, TruthWriter
+from hal.sim.mock_px4_protocol import COMPONENT_ID, Conversation, Protocol, text_messages
+from hal.sim.mock_px4_streams import BeamEncoder, Message, gps_raw
+from hal.sim.px4 import AutopilotText
+from hal.sim.scenario import Scenario, load_scenario
+
+Address = tuple[str, int]
+
+TICK_S = 0.01
+_SLIP_AFTER_S = 0.1
+_FORGET_PEER_S = 15.0
+_MOST_PEERS = 8
+_TEXT_LIFE_S = 5.0
+_DATAGRAM_BYTES = 2048
+
+
+class Peer:
+    """One address on the link: its sequence numbers, what it asked for, what it waits for."""
+
+    def __init__(self, address: Address, system_id: int, *, permanent: bool) -> None:
+        self.address = address
+        self.permanent = permanent
+        self.heard_s = 0.0
+        self.conversation = Conversation()
+        self.texts: deque[tuple[AutopilotText, int]] = deque(maxlen=64)
+        self.codec = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=COMPONENT_ID)
+        self.codec.robust_parsing = True
+
+    def pack(self, message: Message) -> bytes:
+        """The frame of `message` with this peer's next sequence number."""
+        frame = bytes(message.pack(self.codec))
+        self.codec.seq = (self.codec.seq + 1) % 256
+        return frame
+
+    def parse(self, data: bytes) -> list[Message]:
+        """The messages in a datagram; what is not MAVLink is dropped."""
+        return self.codec.parse_buffer(data) or []
+
+    def take_texts(self, now_s: float) -> list[Message]:
+        """Texts that this peer may hear now; ones that waited too long are dropped."""
+        while self.texts and now_s - self.texts[0][0].at_s > _TEXT_LIFE_S:
+            self.texts.popleft()
+        if not self.conversation.hears_texts(now_s):
+            return []
+        messages = [m for text, identity in self.texts for m in text_messages(text, identity)]
+        self.texts.clear()
+        return messages
+
+
+class MockPx4:
+    """The server: one socket, one plant, any number of peers. `port` is where it sends to."""
+
+    def __init__(self, plant: Plant, *, port: int, system_id: int = 1) -> None:
+        self._plant = plant
+        self._system_id = system_id
+        self._protocol = Protocol(plant, system_id)
+        self._beams = BeamEncoder(plant.beams_config.mounts, plant.scenario.beams.half_angle_deg)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.settimeout(0.0)
+        onboard = ("127.0.0.1", port)
+        self._peers = {onboard: Peer(onboard, system_id, permanent=True)}
+        self._text_identity = 0
+
+    @property
+    def address(self) -> Address:
+        """Where it listens and sends from."""
+        host, port = self._socket.getsockname()
+        return (host, port)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def run(
+        self, stop: threading.Event, *, speed: float = 1.0, truth: TruthWriter | None = None
+    ) -> None:
+        """Fly and talk in real time, `speed` times as fast, until `stop` is set."""
+        tick_wall_s = TICK_S / speed
+        next_s = time.monotonic() + tick_wall_s
+        while not stop.is_set():
+            wait_s = next_s - time.monotonic()
+            if wait_s > 0.0:
+                if select.select([self._socket], [], [], wait_s)[0]:
+                    self.receive()
+                continue
+            self.receive()
+            self.tick()
+            if truth is not None:
+                truth.write_if_due()
+            next_s += tick_wall_s
+            if time.monotonic() - next_s > _SLIP_AFTER_S:
+                next_s = time.monotonic()
+
+    def tick(self) -> None:
+        """One step of simulated time and everything that is due after it."""
+        plant = self._plant
+        plant.step(TICK_S)
+        now_s = plant.autopilot.now_s
+        self._hand_out_texts()
+        sampled = self._sampled()
+        for peer in list(self._peers.values()):
+            if not peer.permanent and now_s - peer.heard_s > _FORGET_PEER_S:
+                del self._peers[peer.address]
+                continue
+            schedule = peer.conversation.schedule
+            due = [stream.build(plant) for stream in schedule.take_due(now_s)]
+            due += [m for m in sampled if schedule.allows(m.get_msgId())]
+            due += peer.conversation.pending(now_s)
+            due += peer.take_texts(now_s)
+            for message in due:
+                if message is not None:
+                    self._send(peer, message)
+
+    def receive(self) -> None:
+        """Answer everything that has arrived."""
+        while True:
+            try:
+                data, address = self._socket.recvfrom(_DATAGRAM_BYTES)
+            except BlockingIOError:
+                return
+            except ConnectionError:
+                continue  # nobody listens where we stream to: PX4 does not mind either
+            peer = self._peer(address)
+            if peer is None:
+                continue
+            peer.heard_s = self._plant.autopilot.now_s
+            for message in peer.parse(data):
+                for answer in self._protocol.handle(message, peer.conversation):
+                    self._send(peer, answer)
+            self._hand_out_texts()
+
+    def _peer(self, address: Address) -> Peer | None:
+        peer = self._peers.get(address)
+        if peer is None and len(self._peers) < _MOST_PEERS:
+            peer = self._peers[address] = Peer(address, self._system_id, permanent=False)
+        return peer
+
+    def _sampled(self) -> list[Message]:
+        plant = self._plant
+        messages = [m for m in map(self._beams.encode, plant.ranges) if m is not None]
+        if plant.new_fix is not None:
+            messages.append(gps_raw(plant, plant.new_fix))
+        return messages
+
+    def _hand_out_texts(self) -> None:
+        texts = self._plant.autopilot.texts
+        while texts:
+            text = texts.popleft()
+            self._text_identity = self._text_identity % 65535 + 1
+            for peer in self._peers.values():
+                peer.texts.append((text, self._text_identity))
+
+    def _send(self, peer: Peer, message: Message) -> None:
+        # A full buffer or an address that is gone loses the datagram, as on any radio link.
+        with contextlib.suppress(BlockingIOError, ConnectionError):
+            self._socket.sendto(peer.pack(message), peer.address)
+
+
+def run_mock_px4(
+    scenario: Scenario,
+    *,
+    port: int = 14540,
+    system_id: int = 1,
+    seed: int = 0,
+    speed: float = 1.0,
+    boot_s: float = 0.0,
+    beams: BeamsConfig | None = None,
+    truth_out: Path | None = None,
+    ready: Callable[[Address], None] | None = None,
+    stop: threading.Event | None = None,
+) -> None:
+    """Serve until `stop` is set (for ever without one).
+
+    `ready` is called with the mock's own address once it is up, everything compiled. `truth_out`
+    gets the true state as JSON lines at 20 Hz (`mock_px4_plant.TruthRecord`).
+    """
+    plant = Plant(scenario, beams or BeamsConfig(), seed, boot_s=boot_s)
+    plant.step(TICK_S)
+    server = MockPx4(plant, port=port, system_id=system_id)
+    with contextlib.ExitStack() as stack:
+        stack.callback(server.close)
+        truth = None
+        if truth_out is not None:
+            truth = TruthWriter(plant, stack.enter_context(truth_out.open("w", encoding="utf-8")))
+            truth.write_if_due()
+        if ready is not None:
+            ready(server.address)
+        server.run(stop or threading.Event(), speed=speed, truth=truth)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m hal.sim.mock_px4", description=__doc__)
+    parser.add_argument("--scenario", default="default", help="a shipped name or a YAML file")
+    parser.add_argument("--port", type=int, default=14540, help="the UDP port it streams to")
+    parser.add_argument("--system-id", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--speed", type=float, default=1.0, help="times real time")
+    parser.add_argument("--boot-s", type=float, default=0.0, help="until it can be armed")
+    parser.add_argument("--truth", type=Path, help="file for the true state, JSON lines at 20 Hz")
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run as a process: prints `ready ...` when up, ends on SIGTERM or SIGINT."""
+    options = _parser().parse_args(arguments)
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+
+    def ready(address: Address) -> None:
+        target = f"udp://127.0.0.1:{options.port}"
+        print(f"ready {target} from {address[0]}:{address[1]}", flush=True)
+
+    try:
+        run_mock_px4(
+            load_scenario(options.scenario),
+            port=options.port,
+            system_id=options.system_id,
+            seed=options.seed,
+            speed=options.speed,
+            boot_s=options.boot_s,
+            truth_out=options.truth,
+            ready=ready,
+            stop=stop,
+        )
+    except (HalError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
