@@ -1,0 +1,1301 @@
+"""The loops of this package, compiled. Every kernel lives in this one file.
+
+numba's disk cache does not notice a change in a function of another file, so kernels and all that
+they call stay together. Conventions: points are rows (north, east) of float64 arrays, angles grow
+from north to east, `sense` is +1 in that direction and -1 against it, indices are int64. The typed
+faces are in the paper's files (spherical, classification, geodesic, hyperbolic, planner).
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.uint8]
+Compiled = TypeVar("Compiled", bound=Callable[..., Any])
+
+TAU = 2.0 * math.pi
+TOUCH_M = 1e-7
+"""A tangent may cut a disc by this much: it is what rounding does to a touching one."""
+CUT_M = 1e-6
+"""A disc is added to the active set when the answer cuts it by more than this."""
+TIE_RAD = 1e-7
+"""Two directions nearer than this are one: collinear equal discs share their tangent."""
+SLACK_M = 1e-3
+"""What sampled curves may take from a keep-out."""
+
+FOUND, CLOSED, TOO_MANY, START_INSIDE, GOAL_INSIDE = 0, 1, 2, 3, 4
+
+
+def kernel(function: Compiled) -> Compiled:
+    """`numba.njit` with the disk cache, with a type that mypy can follow."""
+    return cast(Compiled, njit(cache=True)(function))
+
+
+# ---------------------------------------------------------------- distances
+
+
+@kernel
+def segment_distance2(pn: float, pe: float, an: float, ae: float, bn: float, be: float) -> float:
+    """Squared distance from p to the segment a-b."""
+    dn, de = bn - an, be - ae
+    wn, we = pn - an, pe - ae
+    length2 = dn * dn + de * de
+    t = wn * dn + we * de
+    if t > 0.0 and length2 > 0.0:
+        t = 1.0 if t >= length2 else t / length2
+        wn -= t * dn
+        we -= t * de
+    return wn * wn + we * we
+
+
+@kernel
+def clearance2(points: Floats, n: float, e: float) -> float:
+    """Squared distance from (n, e) to the nearest of `points`; inf when there are none."""
+    best = np.inf
+    for k in range(points.shape[0]):
+        dn, de = points[k, 0] - n, points[k, 1] - e
+        d2 = dn * dn + de * de
+        best = min(best, d2)
+    return best
+
+
+@kernel
+def segment_is_free(
+    points: Floats, keep_out: float, an: float, ae: float, bn: float, be: float
+) -> bool:
+    """True when every one of `points` is at least `keep_out` from the segment a-b."""
+    low_n, high_n = min(an, bn) - keep_out, max(an, bn) + keep_out
+    low_e, high_e = min(ae, be) - keep_out, max(ae, be) + keep_out
+    limit = keep_out * keep_out
+    for k in range(points.shape[0]):
+        n, e = points[k, 0], points[k, 1]
+        if low_n < n < high_n and low_e < e < high_e:  # noqa: SIM102 - the hot loop
+            if segment_distance2(n, e, an, ae, bn, be) < limit:
+                return False
+    return True
+
+
+@kernel
+def path_clearance(path: Floats, points: Floats) -> float:
+    """The least distance between the polyline `path` and `points`; inf when there are none."""
+    best = np.inf
+    for i in range(path.shape[0] - 1):
+        an, ae, bn, be = path[i, 0], path[i, 1], path[i + 1, 0], path[i + 1, 1]
+        for k in range(points.shape[0]):
+            best = min(best, segment_distance2(points[k, 0], points[k, 1], an, ae, bn, be))
+    return math.sqrt(best)
+
+
+@kernel
+def path_is_free(path: Floats, points: Floats, keep_out: float) -> bool:
+    """True when the polyline keeps `keep_out` from all points."""
+    for i in range(path.shape[0] - 1):
+        if not segment_is_free(
+            points, keep_out, path[i, 0], path[i, 1], path[i + 1, 0], path[i + 1, 1]
+        ):
+            return False
+    return True
+
+
+@kernel
+def path_is_inside(path: Floats, polygon: Floats, sides: Floats) -> bool:
+    """True when every corner is inside the polygon and no leg crosses one of `sides`."""
+    for i in range(path.shape[0]):
+        if not _inside_polygon(polygon, path[i, 0], path[i, 1]):
+            return False
+    if sides.shape[0] > 0:
+        for i in range(path.shape[0] - 1):
+            if _leaves(sides, path[i, 0], path[i, 1], path[i + 1, 0], path[i + 1, 1]):
+                return False
+    return True
+
+
+@kernel
+def _entry(
+    pn: float, pe: float, radius2: float, an: float, ae: float, bn: float, be: float
+) -> float:
+    """Length along a-b at which the segment first is nearer than sqrt(radius2) to p; inf: never."""
+    if segment_distance2(pn, pe, an, ae, bn, be) >= radius2:
+        return np.inf
+    wn, we = pn - an, pe - ae
+    start2 = wn * wn + we * we
+    if start2 < radius2:
+        return 0.0
+    length = math.hypot(bn - an, be - ae)
+    along = (wn * (bn - an) + we * (be - ae)) / length
+    return max(0.0, along - math.sqrt(max(0.0, radius2 - start2 + along * along)))
+
+
+@kernel
+def first_violation(path: Floats, points: Floats, keep_out: float) -> tuple[int, float, int]:
+    """(segment, length along the whole path, point) of the first place that is nearer than
+    `keep_out` to a point; (-1, inf, -1) when there is none.
+
+    A point that is nearer than that to the path's beginning counts only where the path comes
+    nearer still (by more than SLACK_M): the way out of a keep-out is no violation of it.
+    """
+    near = np.empty(points.shape[0], dtype=np.int64)
+    floor2 = np.empty(points.shape[0])
+    low_n, high_n = path[:, 0].min() - keep_out, path[:, 0].max() + keep_out
+    low_e, high_e = path[:, 1].min() - keep_out, path[:, 1].max() + keep_out
+    count = 0
+    for k in range(points.shape[0]):
+        n, e = points[k, 0], points[k, 1]
+        if low_n < n < high_n and low_e < e < high_e:
+            near[count] = k
+            begin = math.hypot(n - path[0, 0], e - path[0, 1]) - SLACK_M
+            floor2[count] = max(0.0, min(begin, keep_out)) ** 2
+            count += 1
+    travelled = 0.0
+    for i in range(path.shape[0] - 1):
+        an, ae, bn, be = path[i, 0], path[i, 1], path[i + 1, 0], path[i + 1, 1]
+        low_n, high_n = min(an, bn) - keep_out, max(an, bn) + keep_out
+        low_e, high_e = min(ae, be) - keep_out, max(ae, be) + keep_out
+        first, who = np.inf, -1
+        for j in range(count):
+            k = near[j]
+            n, e = points[k, 0], points[k, 1]
+            if low_n < n < high_n and low_e < e < high_e:
+                at = _entry(n, e, floor2[j], an, ae, bn, be)
+                if at < first:
+                    first, who = at, k
+        if who >= 0:
+            return i, travelled + first, who
+        travelled += math.hypot(bn - an, be - ae)
+    return -1, np.inf, -1
+
+
+# ---------------------------------------------------------------- components
+
+
+@kernel
+def spanning_tree(centres: Floats, radii: Floats) -> tuple[Ints, Ints, Floats]:
+    """Minimum spanning tree of the gaps between discs (Prim): (order, parent, gap).
+
+    `order` lists the discs as they joined, `parent[i]` is the disc that i joined (-1 for the
+    first), `gap[i]` the distance between their circles (negative: they overlap).
+    """
+    n = centres.shape[0]
+    order = np.empty(n, dtype=np.int64)
+    parent = np.full(n, -1, dtype=np.int64)
+    gap = np.full(n, np.inf)
+    open_ids = np.arange(n)
+    current = 0
+    left = n
+    while left > 0:
+        # The chosen one leaves the open list by taking the last one's place.
+        at = 0 if left == n else current
+        i = open_ids[at]
+        order[n - left] = i
+        left -= 1
+        open_ids[at] = open_ids[left]
+        best = np.inf
+        cn, ce, r = centres[i, 0], centres[i, 1], radii[i]
+        current = 0
+        for at in range(left):
+            k = open_ids[at]
+            dn, de = centres[k, 0] - cn, centres[k, 1] - ce
+            w = math.sqrt(dn * dn + de * de) - r - radii[k]
+            if w < gap[k]:
+                gap[k] = w
+                parent[k] = i
+            if gap[k] < best:
+                best = gap[k]
+                current = at
+    return order, parent, gap
+
+
+@kernel
+def cut_tree(order: Ints, parent: Ints, gap: Floats, threshold: float) -> tuple[Ints, int]:
+    """Component label of every disc when only gaps below `threshold` join; (labels, count)."""
+    labels = np.empty(order.shape[0], dtype=np.int64)
+    count = 0
+    for at in range(order.shape[0]):
+        i = order[at]
+        if parent[i] >= 0 and gap[i] < threshold:
+            labels[i] = labels[parent[i]]
+        else:
+            labels[i] = count
+            count += 1
+    return labels, count
+
+
+@kernel
+def mark_joined(centres: Floats, radii: Floats, parent: Ints) -> Mask:
+    """1 where a disc intersects its parent in the tree: nothing passes between the two centres."""
+    joined = np.zeros(parent.shape[0], dtype=np.uint8)
+    for i in range(parent.shape[0]):
+        k = parent[i]
+        if k >= 0:
+            d = math.hypot(centres[k, 0] - centres[i, 0], centres[k, 1] - centres[i, 1])
+            if abs(radii[i] - radii[k]) + CUT_M < d < radii[i] + radii[k] - 2.0 * CUT_M:
+                joined[i] = 1
+    return joined
+
+
+@kernel
+def _turn(o: Floats, a: Floats, b: Floats) -> float:
+    return (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
+
+
+@kernel
+def convex_hull(points: Floats) -> Ints:
+    """Indices of the strictly convex hull, in the sense north to east (monotone chain)."""
+    n = points.shape[0]
+    by_north = np.argsort(points[:, 0], kind="mergesort")
+    # Ties in north are ordered by east with an insertion pass.
+    for i in range(1, n):
+        j = i
+        while (
+            j > 0
+            and points[by_north[j - 1], 0] == points[by_north[j], 0]
+            and points[by_north[j - 1], 1] > points[by_north[j], 1]
+        ):
+            by_north[j - 1], by_north[j] = by_north[j], by_north[j - 1]
+            j -= 1
+    if n < 3:
+        return by_north
+    hull = np.empty(2 * n + 1, dtype=np.int64)
+    size = 0
+    for i in by_north:
+        while size >= 2 and _turn(points[hull[size - 2]], points[hull[size - 1]], points[i]) <= 0:
+            size -= 1
+        hull[size] = i
+        size += 1
+    lower = size + 1
+    for at in range(n - 2, -1, -1):
+        i = by_north[at]
+        while (
+            size >= lower and _turn(points[hull[size - 2]], points[hull[size - 1]], points[i]) <= 0
+        ):
+            size -= 1
+        hull[size] = i
+        size += 1
+    return hull[: max(1, size - 1)]
+
+
+@kernel
+def _circle_of_two(a: Floats, b: Floats) -> tuple[float, float, float]:
+    return (
+        0.5 * (a[0] + b[0]),
+        0.5 * (a[1] + b[1]),
+        0.5 * math.hypot(a[0] - b[0], a[1] - b[1]),
+    )
+
+
+@kernel
+def _circle_of_three(a: Floats, b: Floats, c: Floats) -> tuple[float, float, float]:
+    """Circumscribed circle; for collinear points the circle on the longest side."""
+    bn, be, cn, ce = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
+    det = 2.0 * (bn * ce - be * cn)
+    if abs(det) < 1e-12:
+        first, second, third = _circle_of_two(a, b), _circle_of_two(a, c), _circle_of_two(b, c)
+        if first[2] >= second[2] and first[2] >= third[2]:
+            return first
+        return second if second[2] >= third[2] else third
+    b2, c2 = bn * bn + be * be, cn * cn + ce * ce
+    un, ue = (ce * b2 - be * c2) / det, (bn * c2 - cn * b2) / det
+    return a[0] + un, a[1] + ue, math.hypot(un, ue)
+
+
+@kernel
+def _outside(circle: tuple[float, float, float], p: Floats) -> bool:
+    return math.hypot(p[0] - circle[0], p[1] - circle[1]) > circle[2] * (1.0 + 1e-12) + 1e-12
+
+
+@kernel
+def enclosing_circle(points: Floats) -> tuple[float, float, float]:
+    """(north, east, radius) of the smallest circle around `points` (at least one of them)."""
+    circle = (points[0, 0], points[0, 1], 0.0)
+    for i in range(1, points.shape[0]):
+        if not _outside(circle, points[i]):
+            continue
+        circle = (points[i, 0], points[i, 1], 0.0)
+        for j in range(i):
+            if not _outside(circle, points[j]):
+                continue
+            circle = _circle_of_two(points[i], points[j])
+            for k in range(j):
+                if _outside(circle, points[k]):
+                    circle = _circle_of_three(points[i], points[j], points[k])
+    return circle
+
+
+@kernel
+def describe(points: Floats, members: Ints) -> tuple[Ints, float, float, float, float]:
+    """(hull as indices into `points`, circle north, east, radius, linearity) of `members`.
+
+    linearity = 1 - l2 / l1 with l1 >= l2 the variances along the principal axes; 0 for one point.
+    """
+    own = points[members]
+    hull = convex_hull(own)
+    north, east, radius = enclosing_circle(own[hull])
+    count = own.shape[0]
+    mn, me = own[:, 0].mean(), own[:, 1].mean()
+    nn = ee = ne = 0.0
+    for k in range(count):
+        dn, de = own[k, 0] - mn, own[k, 1] - me
+        nn += dn * dn
+        ee += de * de
+        ne += dn * de
+    half, spread = 0.5 * (nn + ee), math.hypot(0.5 * (nn - ee), ne)
+    linearity = 0.0
+    if half + spread > 0.0:
+        linearity = min(1.0, max(0.0, 1.0 - (half - spread) / (half + spread)))
+    return members[hull], north, east, radius, linearity
+
+
+# ---------------------------------------------------------------- tangent graph
+
+
+@kernel
+def tangent(
+    n1: float, e1: float, r1: float, n2: float, e2: float, r2: float
+) -> tuple[bool, float, float, float]:
+    """The one tangent from oriented circle 1 to oriented circle 2 (signed radii, + is sense +1).
+
+    (exists, length, direction north, direction east). It touches at c + r (t_e, -t_n).
+    """
+    dn, de = n2 - n1, e2 - e1
+    d2 = dn * dn + de * de
+    k = r1 - r2
+    rest = d2 - k * k
+    if rest <= 0.0:
+        # A point that rounding put just under a circle is on it.
+        grazing = (r1 == 0.0 or r2 == 0.0) and d2 > 0.0 and abs(k) - math.sqrt(d2) <= TOUCH_M
+        if not grazing:
+            return False, 0.0, 0.0, 0.0
+        rest = 0.0
+    length = math.sqrt(rest)
+    tn, te = (length * dn - k * de) / d2, (length * de + k * dn) / d2
+    norm = math.hypot(tn, te)
+    return True, length, tn / norm, te / norm
+
+
+@kernel
+def ahead(sense: float, from_rad: float, to_rad: float) -> float:
+    """Angle in [0, tau) from one direction to the other in the given sense; ties are 0."""
+    angle = (sense * (to_rad - from_rad)) % TAU
+    return 0.0 if angle > TAU - TIE_RAD else angle
+
+
+@kernel
+def _crosses(a: Floats, cn: float, ce: float, dn: float, de: float) -> bool:
+    """True when segment a = (n, e, n, e) and segment c-d cross."""
+    rn, re = a[2] - a[0], a[3] - a[1]
+    c = rn * (ce - a[1]) - re * (cn - a[0])
+    d = rn * (de - a[1]) - re * (dn - a[0])
+    if c * d >= 0.0:
+        return False
+    sn, se = dn - cn, de - ce
+    first = sn * (a[1] - ce) - se * (a[0] - cn)
+    second = sn * (a[3] - ce) - se * (a[2] - cn)
+    return first * second < 0.0
+
+
+@kernel
+def _edge_is_free(
+    first: int,
+    second: int,
+    ends: Floats,
+    circles: Floats,
+    barriers: Floats,
+    planes: Floats,
+) -> bool:
+    """True when the tangent cuts no circle but its own two, no barrier, and stays in the fence."""
+    an, ae, bn, be = ends[0], ends[1], ends[2], ends[3]
+    for p in range(planes.shape[0]):
+        if (
+            min(planes[p, 0] * an + planes[p, 1] * ae, planes[p, 0] * bn + planes[p, 1] * be)
+            < planes[p, 2] - TOUCH_M
+        ):
+            return False
+    for k in range(2, circles.shape[0]):
+        if k not in (first, second):
+            keep = circles[k, 2] - TOUCH_M
+            if segment_distance2(circles[k, 0], circles[k, 1], an, ae, bn, be) < keep * keep:
+                return False
+    for b in range(barriers.shape[0]):
+        if _crosses(barriers[b], an, ae, bn, be):
+            return False
+    return True
+
+
+@kernel
+def _overlap(circles: Floats, i: int, k: int, tolerance_m: float) -> bool:
+    """True when two circles intersect, so that neither holds the other."""
+    d = math.hypot(circles[k, 0] - circles[i, 0], circles[k, 1] - circles[i, 1])
+    ri, rk = circles[i, 2], circles[k, 2]
+    return abs(ri - rk) + tolerance_m < d < ri + rk - tolerance_m
+
+
+@kernel
+def _bar(bars: Floats, counts: Ints, i: int, bearing: float) -> None:
+    if counts[i] < bars.shape[1]:
+        bars[i, counts[i]] = bearing
+        counts[i] += 1
+
+
+@kernel
+def _barred_bearings(
+    circles: Floats, barriers: Floats, ties: Ints, planes: Floats
+) -> tuple[Floats, Ints]:
+    """Per circle the bearings that no free arc contains.
+
+    Both ends of an arc are free, so an overlapping disc (or the fence beyond a side) bars it
+    exactly when the bearing of its centre (the side's outward normal) lies inside the arc. A
+    barrier that starts at the circle's centre leads to an overlapping disc, active or not.
+    """
+    m = circles.shape[0]
+    bars = np.empty((m, m + planes.shape[0] + 16))
+    counts = np.zeros(m, dtype=np.int64)
+    for i in range(2, m):
+        for k in range(i + 1, m):
+            if _overlap(circles, i, k, TOUCH_M):
+                dn, de = circles[k, 0] - circles[i, 0], circles[k, 1] - circles[i, 1]
+                bearing = math.atan2(de, dn)
+                _bar(bars, counts, i, bearing)
+                _bar(bars, counts, k, bearing + math.pi)
+        for p in range(planes.shape[0]):
+            inside = planes[p, 0] * circles[i, 0] + planes[p, 1] * circles[i, 1] - planes[p, 2]
+            if inside < circles[i, 2] - TOUCH_M:
+                _bar(bars, counts, i, math.atan2(-planes[p, 1], -planes[p, 0]))
+    for b in range(barriers.shape[0]):
+        bearing = math.atan2(barriers[b, 3] - barriers[b, 1], barriers[b, 2] - barriers[b, 0])
+        if ties[b, 0] >= 0:
+            _bar(bars, counts, ties[b, 0], bearing)
+        if ties[b, 1] >= 0:
+            _bar(bars, counts, ties[b, 1], bearing + math.pi)
+    return bars, counts
+
+
+@kernel
+def _reach(bars: Floats, counts: Ints, i: int, sense: float, from_rad: float) -> float:
+    """How far an arc on circle i may go from `from_rad` before a barred bearing."""
+    limit = TAU
+    for j in range(counts[i]):
+        limit = min(limit, ahead(sense, from_rad, bars[i, j]))
+    return limit
+
+
+@kernel
+def _sift_up(keys: Floats, items: Ints, at: int) -> None:
+    key, item = keys[at], items[at]
+    while at > 0:
+        up = (at - 1) >> 1
+        if keys[up] <= key:
+            break
+        keys[at], items[at] = keys[up], items[up]
+        at = up
+    keys[at], items[at] = key, item
+
+
+@kernel
+def _sift_down(keys: Floats, items: Ints, size: int) -> None:
+    """Take the root away: the item at `size` finds its place from the root."""
+    key, item = keys[size], items[size]
+    at = 0
+    while True:
+        down = 2 * at + 1
+        if down >= size:
+            break
+        if down + 1 < size and keys[down + 1] < keys[down]:
+            down += 1
+        if keys[down] >= key:
+            break
+        keys[at], items[at] = keys[down], items[down]
+        at = down
+    keys[at], items[at] = key, item
+
+
+@kernel
+def _push(keys: Floats, items: Ints, size: int, key: float, item: int) -> tuple[Floats, Ints, int]:
+    if size == keys.shape[0]:
+        more_keys = np.empty(2 * size)
+        more_items = np.empty(2 * size, dtype=np.int64)
+        more_keys[:size] = keys
+        more_items[:size] = items
+        keys, items = more_keys, more_items
+    keys[size] = key
+    items[size] = item
+    _sift_up(keys, items, size)
+    return keys, items, size + 1
+
+
+# Columns of the table of directed tangents.
+_LENGTH, _DEPART, _ARRIVE, _AN, _AE, _BN, _BE, _COST = 0, 1, 2, 3, 4, 5, 6, 7
+
+
+@kernel
+def _lay_tangent(circles: Floats, o1: int, o2: int, row: Floats) -> bool:
+    """Fill the table's row for the tangent between two oriented circles; False: there is none."""
+    c1, c2 = circles[o1 >> 1], circles[o2 >> 1]
+    r1 = -c1[2] if o1 & 1 else c1[2]
+    r2 = -c2[2] if o2 & 1 else c2[2]
+    exists, length, tn, te = tangent(c1[0], c1[1], r1, c2[0], c2[1], r2)
+    if not exists:
+        return False
+    row[_LENGTH] = length
+    row[_DEPART] = math.atan2(-r1 * tn, r1 * te)
+    row[_ARRIVE] = math.atan2(-r2 * tn, r2 * te)
+    row[_AN], row[_AE] = c1[0] + r1 * te, c1[1] - r1 * tn
+    row[_BN], row[_BE] = c2[0] + r2 * te, c2[1] - r2 * tn
+    return True
+
+
+@kernel
+def _dominated(
+    arrivals: Floats, counts: Ints, o: int, radius: float, at_rad: float, cost: float
+) -> bool:
+    """True when an arrival expanded before reaches this one along the circle at no more cost."""
+    sense = -1.0 if o & 1 else 1.0
+    for j in range(min(counts[o], arrivals.shape[1])):
+        arc = ahead(sense, arrivals[o, j, 0], at_rad)
+        if arc <= arrivals[o, j, 2] and arrivals[o, j, 1] + radius * arc <= cost + 1e-12:
+            return True
+    return False
+
+
+@kernel
+def _remember(
+    arrivals: Floats, counts: Ints, o: int, at_rad: float, cost: float, reach: float
+) -> None:
+    slot = counts[o] % arrivals.shape[1]
+    arrivals[o, slot, 0] = at_rad
+    arrivals[o, slot, 1] = cost
+    arrivals[o, slot, 2] = reach
+    counts[o] += 1
+
+
+@kernel
+def solve_tangents(
+    circles: Floats, barriers: Floats, ties: Ints, planes: Floats
+) -> tuple[bool, Ints, Floats]:
+    """Shortest path over common tangents and arcs: (found, chain of directed tangents, table).
+
+    circles: rows (north, east, radius); row 0 is the start and row 1 the goal, radius 0.
+    barriers: rows (n, e, n, e) that no tangent may cross; ties: their ends' circles or -1.
+    planes: rows (a, b, c): a path stays where a n + b e >= c (convex fence), may be empty.
+    A directed tangent is o1 * 2m + o2 with o = 2 * circle + (sense is -1). A* over arrivals with
+    the straight line as bound; a tangent is checked only when it is taken from the queue, and an
+    arrival that an earlier one reaches along its circle at no more cost is not expanded.
+    """
+    m = circles.shape[0]
+    side = 2 * m
+    table = np.empty((side * side, 8))
+    state = np.zeros(side * side, dtype=np.uint8)  # 1: laid, 2: there is none or it is blocked
+    came = np.full(side * side, -1, dtype=np.int64)
+    bars, bar_counts = _barred_bearings(circles, barriers, ties, planes)
+    arrivals = np.empty((side, 8, 3))
+    arrival_counts = np.zeros(side, dtype=np.int64)
+    keys = np.empty(256)
+    items = np.empty(256, dtype=np.int64)
+    size = 0
+    goal_n, goal_e = circles[1, 0], circles[1, 1]
+    edge, o, at_rad, cost, reach = -1, 0, 0.0, 0.0, TAU
+    while True:
+        i = o >> 1
+        radius = circles[i, 2]
+        sense = -1.0 if o & 1 else 1.0
+        for o2 in range(2, side):
+            # The goal has no sense: only its even number is used.
+            if o2 >> 1 == i or o2 == 3:
+                continue
+            following = o * side + o2
+            if state[following] == 0:
+                laid = _lay_tangent(circles, o, o2, table[following])
+                state[following] = 1 if laid else 2
+                table[following, _COST] = np.inf
+            if state[following] == 2:
+                continue
+            row = table[following]
+            arc = 0.0 if i == 0 else ahead(sense, at_rad, row[_DEPART])
+            new = cost + radius * arc + row[_LENGTH]
+            if arc <= reach and new < row[_COST] - 1e-12:
+                row[_COST] = new
+                came[following] = edge
+                bound = new + math.hypot(goal_n - row[_BN], goal_e - row[_BE])
+                keys, items, size = _push(keys, items, size, bound, following)
+        while True:
+            if size == 0:
+                return False, np.empty(0, dtype=np.int64), table
+            edge = items[0]
+            size -= 1
+            _sift_down(keys, items, size)
+            if state[edge] == 2:
+                continue
+            row = table[edge]
+            o = edge % side
+            cost, at_rad = row[_COST], row[_ARRIVE]
+            if o != 2 and _dominated(arrivals, arrival_counts, o, circles[o >> 1, 2], at_rad, cost):
+                continue
+            if not _edge_is_free(
+                (edge // side) >> 1, o >> 1, row[_AN : _BE + 1], circles, barriers, planes
+            ):
+                state[edge] = 2
+                continue
+            break
+        if o == 2:
+            return True, _chain(came, edge), table
+        reach = _reach(bars, bar_counts, o >> 1, -1.0 if o & 1 else 1.0, at_rad)
+        _remember(arrivals, arrival_counts, o, at_rad, cost, reach)
+
+
+@kernel
+def _chain(came: Ints, last: int) -> Ints:
+    count = 0
+    edge = last
+    while edge >= 0:
+        count += 1
+        edge = came[edge]
+    chain = np.empty(count, dtype=np.int64)
+    edge = last
+    while edge >= 0:
+        count -= 1
+        chain[count] = edge
+        edge = came[edge]
+    return chain
+
+
+# Columns of a route's rows: a segment has disc -1 and sweep 0.
+ROW_AN, ROW_AE, ROW_BN, ROW_BE, ROW_DISC, ROW_SWEEP = 0, 1, 2, 3, 4, 5
+
+
+@kernel
+def _rows(chain: Ints, table: Floats, side: int, active: Ints) -> Floats:
+    """The chain as rows (from, to, disc, signed sweep): tangent segments and arcs in turn."""
+    rows = np.empty((2 * chain.shape[0], 6))
+    count = 0
+    for c in range(chain.shape[0]):
+        edge = chain[c]
+        if c > 0:
+            before = table[chain[c - 1]]
+            o = edge // side
+            sense = -1.0 if o & 1 else 1.0
+            arc = ahead(sense, before[_ARRIVE], table[edge, _DEPART])
+            if arc > TIE_RAD:
+                rows[count, 0:2] = before[_BN : _BE + 1]
+                rows[count, 2:4] = table[edge, _AN : _AE + 1]
+                rows[count, ROW_DISC] = active[(o >> 1) - 2]
+                rows[count, ROW_SWEEP] = sense * arc
+                count += 1
+        rows[count, 0:4] = table[edge, _AN : _BE + 1]
+        rows[count, ROW_DISC] = -1.0
+        rows[count, ROW_SWEEP] = 0.0
+        count += 1
+    return rows[:count]
+
+
+@kernel
+def _depth(row: Floats, centres: Floats, radii: Floats, k: int) -> float:
+    """How deep the path's row cuts disc k; negative: it is clear of it."""
+    n, e = centres[k, 0], centres[k, 1]
+    if row[ROW_DISC] < 0.0:
+        return radii[k] - math.sqrt(segment_distance2(n, e, row[0], row[1], row[2], row[3]))
+    i = int(row[ROW_DISC])
+    dn, de = n - centres[i, 0], e - centres[i, 1]
+    sense = 1.0 if row[ROW_SWEEP] > 0.0 else -1.0
+    begin = math.atan2(row[1] - centres[i, 1], row[0] - centres[i, 0])
+    if ahead(sense, begin, math.atan2(de, dn)) <= abs(row[ROW_SWEEP]):
+        return radii[k] - abs(math.hypot(dn, de) - radii[i])
+    nearest = min(math.hypot(n - row[0], e - row[1]), math.hypot(n - row[2], e - row[3]))
+    return radii[k] - nearest
+
+
+@kernel
+def _activate(active: Ints, flags: Mask, count: int, k: int) -> int:
+    if flags[k] == 0:
+        flags[k] = 1
+        if count < active.shape[0]:
+            active[count] = k
+        return count + 1
+    return count
+
+
+@kernel
+def _support(row: Floats, centres: Floats, labels: Ints, label: int) -> tuple[int, int]:
+    """The component's two discs farthest to either side of the row's straight line."""
+    dn, de = row[2] - row[0], row[3] - row[1]
+    left, right = -1, -1
+    most, least = -np.inf, np.inf
+    for k in range(centres.shape[0]):
+        if labels[k] == label:
+            offset = dn * (centres[k, 1] - row[1]) - de * (centres[k, 0] - row[0])
+            if offset > most:
+                most, left = offset, k
+            if offset < least:
+                least, right = offset, k
+    return left, right
+
+
+@kernel
+def _add_cut_discs(
+    rows: Floats,
+    centres: Floats,
+    radii: Floats,
+    labels: Ints,
+    walled: Mask,
+    active: Ints,
+    flags: Mask,
+    count: int,
+) -> int:
+    """Activate, per row and component that it cuts, the deepest disc and the two outermost."""
+    deepest = np.empty(walled.shape[0])
+    who = np.empty(walled.shape[0], dtype=np.int64)
+    for c in range(rows.shape[0]):
+        row = rows[c]
+        deepest[:] = CUT_M
+        who[:] = -1
+        cut = False
+        for k in range(centres.shape[0]):
+            if flags[k] == 0:
+                depth = _depth(row, centres, radii, k)
+                if depth > deepest[labels[k]]:
+                    deepest[labels[k]] = depth
+                    who[labels[k]] = k
+                    cut = True
+        if not cut:
+            continue
+        for label in range(walled.shape[0]):
+            if who[label] < 0:
+                continue
+            count = _activate(active, flags, count, who[label])
+            if walled[label] == 0:
+                walled[label] = 1
+                left, right = _support(row, centres, labels, label)
+                count = _activate(active, flags, count, left)
+                count = _activate(active, flags, count, right)
+    return count
+
+
+@kernel
+def _barriers(
+    centres: Floats,
+    labels: Ints,
+    walled: Mask,
+    parent: Ints,
+    joined: Mask,
+    active: Ints,
+    count: int,
+) -> tuple[Floats, Ints]:
+    """The spanning-tree edges of every component met so far, and which active circles they tie."""
+    n = centres.shape[0]
+    place = np.full(n, -1, dtype=np.int64)
+    for a in range(count):
+        place[active[a]] = a + 2
+    total = 0
+    for k in range(n):
+        if joined[k] == 1 and walled[labels[k]] == 1:
+            total += 1
+    barriers = np.empty((total, 4))
+    ties = np.empty((total, 2), dtype=np.int64)
+    total = 0
+    for k in range(n):
+        if joined[k] == 1 and walled[labels[k]] == 1:
+            p = parent[k]
+            barriers[total, 0:2] = centres[k]
+            barriers[total, 2:4] = centres[p]
+            ties[total, 0] = place[k]
+            ties[total, 1] = place[p]
+            total += 1
+    return barriers, ties
+
+
+@kernel
+def _inside_which(centres: Floats, radii: Floats, n: float, e: float) -> int:
+    for k in range(centres.shape[0]):
+        if math.hypot(centres[k, 0] - n, centres[k, 1] - e) < radii[k] - TOUCH_M:
+            return k
+    return -1
+
+
+@kernel
+def lazy_route(
+    ends: Floats,
+    centres: Floats,
+    radii: Floats,
+    labels: Ints,
+    parent: Ints,
+    joined: Mask,
+    planes: Floats,
+    active_max: int,
+) -> tuple[int, Floats, Ints, int]:
+    """Exact shortest path among discs by constraint generation: (status, rows, active, rounds).
+
+    ends: rows start and goal. labels: a component number per disc; `joined[k]` = 1 says that disc k
+    overlaps disc `parent[k]` of the same component, so nothing passes between their centres.
+    Those tree edges are barriers implied by the discs; with them the path goes round a wall in
+    two or three rounds instead of creeping along it disc by disc. The answer over the active
+    discs is the optimum of a relaxation: once it cuts no disc it is the optimum. CLOSED: not even
+    the active discs leave a way, they are the certificate.
+    """
+    n = centres.shape[0]
+    none = np.empty((0, 6))
+    active = np.empty(active_max, dtype=np.int64)
+    if _inside_which(centres, radii, ends[0, 0], ends[0, 1]) >= 0:
+        active[0] = _inside_which(centres, radii, ends[0, 0], ends[0, 1])
+        return START_INSIDE, none, active[:1], 0
+    if _inside_which(centres, radii, ends[1, 0], ends[1, 1]) >= 0:
+        active[0] = _inside_which(centres, radii, ends[1, 0], ends[1, 1])
+        return GOAL_INSIDE, none, active[:1], 0
+    flags = np.zeros(n, dtype=np.uint8)
+    walled = np.zeros(labels.max() + 1 if n > 0 else 0, dtype=np.uint8)
+    rows = np.zeros((1, 6))
+    rows[0, 0:2] = ends[0]
+    rows[0, 2:4] = ends[1]
+    rows[0, ROW_DISC] = -1.0
+    count = 0
+    rounds = 0
+    while True:
+        before = count
+        count = _add_cut_discs(rows, centres, radii, labels, walled, active, flags, count)
+        if count == before:
+            return FOUND, rows, active[:count], rounds
+        if count > active_max:
+            return TOO_MANY, none, active, rounds
+        rounds += 1
+        circles = np.zeros((count + 2, 3))
+        circles[0:2, 0:2] = ends
+        for a in range(count):
+            circles[a + 2, 0:2] = centres[active[a]]
+            circles[a + 2, 2] = radii[active[a]]
+        barriers, ties = _barriers(centres, labels, walled, parent, joined, active, count)
+        found, chain, table = solve_tangents(circles, barriers, ties, planes)
+        if not found:
+            return CLOSED, none, active[:count], rounds
+        rows = _rows(chain, table, 2 * (count + 2), active)
+
+
+# ---------------------------------------------------------------- out of the keep-out
+
+
+@kernel
+def _never_nearer(
+    points: Floats, keep_out: float, n: float, e: float, to_n: float, to_e: float
+) -> bool:
+    """True when the straight way from (n, e) comes no nearer to any point that is too near now."""
+    for k in range(points.shape[0]):
+        now = math.hypot(points[k, 0] - n, points[k, 1] - e)
+        floor = min(now, keep_out) - CUT_M
+        if floor > 0.0:
+            d2 = segment_distance2(points[k, 0], points[k, 1], n, e, to_n, to_e)
+            if d2 < floor * floor:
+                return False
+    return True
+
+
+@kernel
+def _better_exit(
+    best: Floats,
+    near: Floats,
+    keep_out: float,
+    n: float,
+    e: float,
+    cn: float,
+    ce: float,
+    careful: bool,
+) -> None:
+    """Take (cn, ce) into `best` = (n, e, distance) when it is free and nearer."""
+    d = math.hypot(cn - n, ce - e)
+    if d >= best[2] or clearance2(near, cn, ce) < keep_out * keep_out:
+        return
+    if careful and not _never_nearer(near, keep_out, n, e, cn, ce):
+        return
+    best[0], best[1], best[2] = cn, ce, d
+
+
+@kernel
+def nearest_exit(
+    points: Floats, keep_out: float, n: float, e: float, within: float, careful: bool
+) -> tuple[bool, float, float]:
+    """The nearest place within `within` of (n, e) that is `keep_out` from all points, exactly.
+
+    It lies on one circle straight away from its centre, or where two circles meet. `careful`:
+    the straight way there approaches no point that is nearer than the keep-out.
+    """
+    radius = keep_out + CUT_M
+    chosen = np.empty(points.shape[0], dtype=np.int64)
+    count = 0
+    for k in range(points.shape[0]):
+        if math.hypot(points[k, 0] - n, points[k, 1] - e) < radius + within:
+            chosen[count] = k
+            count += 1
+    near = points[chosen[:count]]
+    best = np.array([n, e, within])
+    for i in range(count):
+        dn, de = n - near[i, 0], e - near[i, 1]
+        d = math.hypot(dn, de)
+        if d > 1e-9:
+            _better_exit(
+                best,
+                near,
+                keep_out,
+                n,
+                e,
+                near[i, 0] + dn / d * radius,
+                near[i, 1] + de / d * radius,
+                careful,
+            )
+    for i in range(count):
+        for k in range(i + 1, count):
+            dn, de = near[k, 0] - near[i, 0], near[k, 1] - near[i, 1]
+            half2 = 0.25 * (dn * dn + de * de)
+            if half2 < 1e-18 or half2 > radius * radius:
+                continue
+            h = math.sqrt((radius * radius - half2) / (4.0 * half2))
+            mn, me = near[i, 0] + 0.5 * dn, near[i, 1] + 0.5 * de
+            _better_exit(best, near, keep_out, n, e, mn - h * de, me + h * dn, careful)
+            _better_exit(best, near, keep_out, n, e, mn + h * de, me - h * dn, careful)
+    return best[2] < within, best[0], best[1]
+
+
+# ---------------------------------------------------------------- geodesic on the local grid
+
+
+@kernel
+def _inside_polygon(polygon: Floats, n: float, e: float) -> bool:
+    inside = False
+    count = polygon.shape[0]
+    for i in range(count):
+        n0, e0 = polygon[i - 1, 0], polygon[i - 1, 1]
+        n1, e1 = polygon[i, 0], polygon[i, 1]
+        if (e0 > e) != (e1 > e) and n < (n1 - n0) * (e - e0) / (e1 - e0) + n0:
+            inside = not inside
+    return inside
+
+
+@kernel
+def free_cells(
+    points: Floats, keep_out: float, polygon: Floats, box: Floats, rows: int, columns: int
+) -> Mask:
+    """1 where a cell's centre is inside the polygon and `keep_out` from every point.
+
+    box: (north, east) of the corner of cell (0, 0) and the cell's side.
+    """
+    free = np.zeros((rows, columns), dtype=np.uint8)
+    north, east, cell = box[0], box[1], box[2]
+    for r in range(rows):
+        for c in range(columns):
+            if _inside_polygon(polygon, north + (r + 0.5) * cell, east + (c + 0.5) * cell):
+                free[r, c] = 1
+    limit = keep_out * keep_out
+    for k in range(points.shape[0]):
+        pn, pe = points[k, 0] - north, points[k, 1] - east
+        for r in range(
+            max(0, int((pn - keep_out) / cell)), min(rows, int((pn + keep_out) / cell) + 1)
+        ):
+            for c in range(
+                max(0, int((pe - keep_out) / cell)), min(columns, int((pe + keep_out) / cell) + 1)
+            ):
+                dn, de = (r + 0.5) * cell - pn, (c + 0.5) * cell - pe
+                if dn * dn + de * de < limit:
+                    free[r, c] = 0
+    return free
+
+
+@kernel
+def _leaves(polygon: Floats, an: float, ae: float, bn: float, be: float) -> bool:
+    """True when the segment crosses a side of the polygon."""
+    side = np.empty(4)
+    for i in range(polygon.shape[0]):
+        side[0:2] = polygon[i - 1]
+        side[2:4] = polygon[i]
+        if _crosses(side, an, ae, bn, be):
+            return True
+    return False
+
+
+@kernel
+def in_sight(
+    points: Floats, keep_out: float, polygon: Floats, an: float, ae: float, bn: float, be: float
+) -> bool:
+    """True when the straight way a-b is free, checked against the points and the polygon's sides.
+
+    An empty polygon is not checked (a convex one needs no check between two of its points).
+    """
+    if polygon.shape[0] > 0 and _leaves(polygon, an, ae, bn, be):
+        return False
+    return segment_is_free(points, keep_out, an, ae, bn, be)
+
+
+@kernel
+def _near_cells(
+    points: Floats, keep_out: float, sides: Floats, free: Mask, box: Floats, n: float, e: float
+) -> Ints:
+    """The free cells around (n, e) whose centres can be reached straight."""
+    rows, columns = free.shape
+    cell = box[2]
+    row, column = int((n - box[0]) / cell), int((e - box[1]) / cell)
+    found = np.empty(81, dtype=np.int64)
+    count = 0
+    for r in range(max(0, row - 4), min(rows, row + 5)):
+        for c in range(max(0, column - 4), min(columns, column + 5)):
+            cn, ce = box[0] + (r + 0.5) * cell, box[1] + (c + 0.5) * cell
+            if free[r, c] == 1 and in_sight(points, keep_out, sides, n, e, cn, ce):
+                found[count] = r * columns + c
+                count += 1
+    return found[:count]
+
+
+@kernel
+def _best_neighbour(free: Mask, closed: Mask, place: Floats, cost: Floats, u: int) -> int:
+    """The closed neighbour of cell u over which it is reached at the least cost."""
+    rows, columns = free.shape
+    row, column = u // columns, u % columns
+    best, who = np.inf, -1
+    for r in range(max(0, row - 1), min(rows, row + 2)):
+        for c in range(max(0, column - 1), min(columns, column + 2)):
+            v = r * columns + c
+            if v != u and closed[v] == 1:
+                way = cost[v] + math.hypot(place[v, 0] - place[u, 0], place[v, 1] - place[u, 1])
+                if way < best:
+                    best, who = way, v
+    return who
+
+
+@kernel
+def _settle(
+    points: Floats,
+    keep_out: float,
+    sides: Floats,
+    free: Mask,
+    closed: Mask,
+    place: Floats,
+    cost: Floats,
+    parent: Ints,
+    u: int,
+) -> None:
+    """Lazy Theta*: cell u was reached on credit; where its parent does not see it, re-parent."""
+    p = parent[u]
+    if in_sight(points, keep_out, sides, place[p, 0], place[p, 1], place[u, 0], place[u, 1]):
+        return
+    v = _best_neighbour(free, closed, place, cost, u)
+    if v < 0:
+        # Only the start sees it, as one of its own near cells.
+        v = free.shape[0] * free.shape[1]
+    parent[u] = v
+    cost[u] = cost[v] + math.hypot(place[v, 0] - place[u, 0], place[v, 1] - place[u, 1])
+
+
+@kernel
+def _trace(place: Floats, parent: Ints, last: int) -> Floats:
+    count = 1
+    at = last
+    while parent[at] >= 0:
+        at = parent[at]
+        count += 1
+    path = np.empty((count, 2))
+    at = last
+    while count > 0:
+        count -= 1
+        path[count] = place[at]
+        at = parent[at]
+    return path
+
+
+@kernel
+def grid_geodesic(
+    points: Floats, keep_out: float, sides: Floats, free: Mask, box: Floats, ends: Floats
+) -> tuple[bool, Floats, Mask]:
+    """Any-angle shortest path over the free cells (Lazy Theta*): (found, path, reached cells).
+
+    Cells must be free at sqrt(keep_out^2 + cell^2 / 2), so that steps between neighbours keep the
+    keep-out exactly; longer segments are checked against `points` themselves. Start and goal
+    (`ends`) are joined to the free cells around them that they see.
+    """
+    rows, columns = free.shape
+    total = rows * columns
+    start, goal = total, total + 1
+    place = np.empty((total + 2, 2))
+    for r in range(rows):
+        for c in range(columns):
+            place[r * columns + c, 0] = box[0] + (r + 0.5) * box[2]
+            place[r * columns + c, 1] = box[1] + (c + 0.5) * box[2]
+    place[start] = ends[0]
+    place[goal] = ends[1]
+    cost = np.full(total + 2, np.inf)
+    parent = np.full(total + 2, -1, dtype=np.int64)
+    closed = np.zeros(total + 2, dtype=np.uint8)
+    at_goal = np.zeros(total, dtype=np.uint8)
+    for u in _near_cells(points, keep_out, sides, free, box, ends[1, 0], ends[1, 1]):
+        at_goal[u] = 1
+    keys = np.empty(1024)
+    items = np.empty(1024, dtype=np.int64)
+    size = 0
+    cost[start] = 0.0
+    for u in _near_cells(points, keep_out, sides, free, box, ends[0, 0], ends[0, 1]):
+        cost[u] = math.hypot(place[u, 0] - ends[0, 0], place[u, 1] - ends[0, 1])
+        parent[u] = start
+        bound = cost[u] + math.hypot(place[u, 0] - ends[1, 0], place[u, 1] - ends[1, 1])
+        keys, items, size = _push(keys, items, size, bound, u)
+    while size > 0:
+        u = items[0]
+        size -= 1
+        _sift_down(keys, items, size)
+        if u == goal:
+            return True, _trace(place, parent, goal), closed[:total].reshape(rows, columns)
+        if closed[u] == 1:
+            continue
+        _settle(points, keep_out, sides, free, closed, place, cost, parent, u)
+        closed[u] = 1
+        if at_goal[u] == 1:
+            p = parent[u]
+            v = u
+            if in_sight(points, keep_out, sides, place[p, 0], place[p, 1], ends[1, 0], ends[1, 1]):
+                v = p
+            way = cost[v] + math.hypot(place[v, 0] - ends[1, 0], place[v, 1] - ends[1, 1])
+            if way < cost[goal]:
+                cost[goal] = way
+                parent[goal] = v
+                keys, items, size = _push(keys, items, size, way, goal)
+        p = parent[u]
+        row, column = u // columns, u % columns
+        for r in range(max(0, row - 1), min(rows, row + 2)):
+            for c in range(max(0, column - 1), min(columns, column + 2)):
+                v = r * columns + c
+                if free[r, c] == 0 or closed[v] == 1:
+                    continue
+                way = cost[p] + math.hypot(place[p, 0] - place[v, 0], place[p, 1] - place[v, 1])
+                if way < cost[v] - 1e-9:
+                    cost[v] = way
+                    parent[v] = p
+                    bound = way + math.hypot(place[v, 0] - ends[1, 0], place[v, 1] - ends[1, 1])
+                    keys, items, size = _push(keys, items, size, bound, v)
+    return False, np.empty((0, 2)), closed[:total].reshape(rows, columns)
+
+
+@kernel
+def pull_string(path: Floats, points: Floats, keep_out: float, sides: Floats) -> Floats:
+    """The path without the corners that it does not need: from each to the farthest in sight."""
+    kept = np.empty_like(path)
+    kept[0] = path[0]
+    count = 1
+    at = 0
+    last = path.shape[0] - 1
+    while at < last:
+        far = last
+        while far > at + 1 and not in_sight(
+            points, keep_out, sides, path[at, 0], path[at, 1], path[far, 0], path[far, 1]
+        ):
+            far -= 1
+        kept[count] = path[far]
+        count += 1
+        at = far
+    return kept[:count]
+
+
+@kernel
+def flood(free: Mask, box: Floats, n: float, e: float) -> Mask:
+    """The free cells joined (4 neighbours) to the free cell nearest to (n, e)."""
+    rows, columns = free.shape
+    reached = np.zeros((rows, columns), dtype=np.uint8)
+    stack = np.empty(rows * columns + 1, dtype=np.int64)
+    size = 0
+    best = np.inf
+    for r in range(rows):
+        for c in range(columns):
+            dn, de = box[0] + (r + 0.5) * box[2] - n, box[1] + (c + 0.5) * box[2] - e
+            if free[r, c] == 1 and dn * dn + de * de < best:
+                best = dn * dn + de * de
+                stack[0] = r * columns + c
+                size = 1
+    if size == 1:
+        reached[stack[0] // columns, stack[0] % columns] = 1
+    while size > 0:
+        size -= 1
+        row, column = stack[size] // columns, stack[size] % columns
+        for step in range(4):
+            r = row + (1 if step == 0 else -1 if step == 1 else 0)
+            c = column + (1 if step == 2 else -1 if step == 3 else 0)
+            inside = 0 <= r < rows and 0 <= c < columns
+            if inside and free[r, c] == 1 and reached[r, c] == 0:
+                reached[r, c] = 1
+                stack[size] = r * columns + c
+                size += 1
+    return reached
+
+
+@kernel
+def bordering(points: Floats, region: Mask, box: Floats, within: float) -> Mask:
+    """1 for every point that has a cell of the region within `within` of it."""
+    rows, columns = region.shape
+    cell = box[2]
+    touching = np.zeros(points.shape[0], dtype=np.uint8)
+    for k in range(points.shape[0]):
+        pn, pe = points[k, 0] - box[0], points[k, 1] - box[1]
+        for r in range(max(0, int((pn - within) / cell)), min(rows, int((pn + within) / cell) + 1)):
+            for c in range(
+                max(0, int((pe - within) / cell)), min(columns, int((pe + within) / cell) + 1)
+            ):
+                dn, de = (r + 0.5) * cell - pn, (c + 0.5) * cell - pe
+                if region[r, c] == 1 and dn * dn + de * de <= within * within:
+                    touching[k] = 1
+    return touching
+
+
+# ---------------------------------------------------------------- fly-by conic
+
+
+@kernel
+def eccentricity(anomaly: float, ratio: float) -> float:
+    """e of the conic with periapsis ratio = r_p / r of a point at the true anomaly given."""
+    return (1.0 - ratio) / (ratio - math.cos(anomaly))
+
+
+@kernel
+def fly_by_anomaly(ratio_d: float, ratio_g: float, sweep: float) -> float:
+    """True anomaly of D on the conic whose points D and G are `sweep` apart; nan: there is none.
+
+    Findings 3.3: E(alpha, D) falls from +inf, E(sweep - alpha, G) rises to +inf, so bisection
+    finds the one root; it exists when sweep > acos(ratio_d) + acos(ratio_g).
+    """
+    low = max(math.acos(ratio_d), sweep - math.pi)
+    high = min(sweep - math.acos(ratio_g), math.pi)
+    if not low < high:
+        return np.nan
+    for _ in range(64):
+        middle = 0.5 * (low + high)
+        d, g = ratio_d - math.cos(middle), ratio_g - math.cos(sweep - middle)
+        falls = d <= 0.0 or (g > 0.0 and (1.0 - ratio_d) * g > (1.0 - ratio_g) * d)
+        if falls:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+@kernel
+def sample_conic(e: float, periapsis: float, begin: float, end: float, sagitta: float) -> Floats:
+    """Rows (true anomaly, radius) from `begin` to `end`, chords within `sagitta` of the curve."""
+    rows = np.empty((512, 2))
+    p = periapsis * (1.0 + e)
+    nu = begin
+    count = 0
+    while count < 511:
+        rows[count, 0] = nu
+        rows[count, 1] = p / (1.0 + e * math.cos(nu))
+        count += 1
+        if nu >= end:
+            break
+        step = 0.5
+        for _ in range(2):
+            # The curve bends most at the periapsis: take the worse end of the step.
+            worst = 0.5
+            top = min(nu + step, end)
+            for x in (nu, min(max(0.0, nu), top), top):
+                root = math.sqrt(1.0 + e * e + 2.0 * e * math.cos(x))
+                open_ = 1.0 + e * math.cos(x)
+                bend = (open_ / root) ** 3 / p
+                speed = p * root / (open_ * open_)
+                worst = min(worst, math.sqrt(8.0 * sagitta / bend) / speed)
+            step = worst
+        nu = min(end, nu + max(step, 1e-3))
+    rows[count, 0] = end
+    rows[count, 1] = p / (1.0 + e * math.cos(end))
+    return rows[:count] if rows[count - 1, 0] >= end else rows[: count + 1]

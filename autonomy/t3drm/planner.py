@@ -1,0 +1,537 @@
+"""One planning step of T3DRM: start, goal and known hits in, a Plan or NoPlan out.
+
+For each radius of the Ricci flow from the comfortable keep-out to the hard floor (Eq. 2): the
+straight line when it is free; else classify, put spheres around discrete obstacles and take the
+hits of continuous ones as they are, find the exact shortest tangent path, fly past continuous
+obstacles on conics; where that does not decide, the geodesic on the grid. The cheapest level wins.
+"""
+
+import math
+from enum import StrEnum
+
+import msgspec
+import numpy as np
+
+from autonomy.config import PlannerConfig
+from autonomy.geometry import Point, distance, polyline_length
+from autonomy.model import (
+    Environment,
+    Leg,
+    LegKind,
+    NoPlan,
+    ObstacleKind,
+    Plan,
+)
+from autonomy.t3drm import kernels, ricci
+from autonomy.t3drm.classification import (
+    Linkage,
+    Shape,
+    environment_of,
+    kind_of,
+    obstacles_of,
+    shapes_of,
+)
+from autonomy.t3drm.geodesic import Closed, closing_hits, geodesic
+from autonomy.t3drm.hyperbolic import FlyBy, fly_by, inside_hull
+from autonomy.t3drm.kernels import Floats, Ints
+from autonomy.t3drm.spherical import (
+    ACTIVE_MAX,
+    NO_PLANES,
+    Arc,
+    Discs,
+    NoRoute,
+    NoRouteReason,
+    Route,
+    Segment,
+    fence_planes,
+    route_among,
+)
+from hal.config import Fence
+
+SPHERE_MAX_RATIO = 1.03
+"""A path round the spheres of discrete obstacles may be this much longer than the one round their
+single hits. A sphere guesses the unseen back of a pillar; round a plank it only costs way."""
+ARC_SAGITTA_M = 5e-4
+EXIT_MARGIN_M = 0.05
+"""How much farther than one keep-out radius the way out of a keep-out may be."""
+
+
+class Violation(msgspec.Struct, frozen=True):
+    """The first place where a hit is too near to a path."""
+
+    segment: int
+    distance_m: float
+    """Along the path from its beginning."""
+    hit: Point
+
+
+class Failure(StrEnum):
+    """Why a level has no path."""
+
+    BOXED_IN = "the way out of the keep-out around the start is barred"
+    GOAL_BLOCKED = "the goal lies inside the keep-out of an obstacle"
+    CLOSED = "obstacles close every way to the goal"
+
+
+class Scene(msgspec.Struct, frozen=True):
+    """What does not depend on the level."""
+
+    start: Point
+    goal: Point
+    hits: Floats
+    linkage: Linkage
+    tolerance_m: float
+
+
+class Level(msgspec.Struct, frozen=True):
+    """The hits as obstacles at one keep-out radius."""
+
+    keep_out_m: float
+    labels: Ints
+    shapes: tuple[Shape, ...]
+    kinds: tuple[ObstacleKind, ...]
+
+
+class Candidate(msgspec.Struct, frozen=True):
+    """A path at one level."""
+
+    legs: tuple[Leg, ...]
+    level: Level
+    cost_m: float
+    rejected: tuple[tuple[Point, ...], ...] = ()
+
+
+def violated(points: Floats, hits: Floats, keep_out_m: float) -> Violation | None:
+    """The first place where the polyline (k, 2) is nearer than `keep_out_m` to one of hits (n, 2).
+
+    A hit that is nearer than that to the path's beginning counts only where the path comes nearer
+    still: leaving a keep-out is no violation. None when the path is free. Compiled; both arrays
+    float64, C order.
+    """
+    if points.shape[0] < 2 or hits.shape[0] == 0:
+        return None
+    segment, along, who = kernels.first_violation(points, hits, keep_out_m)
+    if segment < 0:
+        return None
+    return Violation(int(segment), float(along), (float(hits[who, 0]), float(hits[who, 1])))
+
+
+class Planner:
+    """Plans in the horizontal plane for a vehicle of the given radius inside the fence.
+
+    Stateless between calls: the same arguments give the same plan, bit for bit.
+    """
+
+    def __init__(self, config: PlannerConfig, body_radius_m: float, fence: Fence) -> None:
+        self.config = config
+        self.fence = fence
+        self.keep_outs_m = ricci.levels(
+            body_radius_m + config.comfortable_clearance_m,
+            body_radius_m + config.hard_clearance_m,
+            config.levels,
+        )
+        self._polygon = np.array(fence.polygon_ne_m, dtype=np.float64)
+        planes = fence_planes(fence.polygon_ne_m)
+        self._convex = planes is not None
+        self._planes = NO_PLANES if planes is None else planes
+        self._sides = np.empty((0, 2)) if self._convex else self._polygon
+
+    def plan(
+        self, start: Point, goal: Point, hits: Floats, tolerance_m: float = 0.0
+    ) -> Plan | NoPlan:
+        """A path from start to goal, or NoPlan with the hits that bar the way.
+
+        hits: (n, 2) float64 rows (north, east). Every leg keeps its `keep_out_m` (less 1 mm) from
+        every hit and stays inside the fence; only a first leg out of a keep-out that already holds
+        the start keeps less, and says how much. A goal inside a keep-out is replaced by the
+        nearest free place within `tolerance_m` of it.
+        """
+        points = np.ascontiguousarray(hits, dtype=np.float64).reshape(-1, 2)
+        scene = Scene(start, goal, points, Linkage.of(points), tolerance_m)
+        if self.fence.inside_distance_m(*goal) < 0.0:
+            return self._no_plan(scene, "the goal lies outside the fence", ())
+        best: Candidate | None = None
+        rejected: list[tuple[Point, ...]] = []
+        failure = Failure.CLOSED
+        for number, keep_out in enumerate(self.keep_outs_m):
+            factor = self.config.level_penalty**number
+            least = max(0.0, distance(start, goal) - tolerance_m)
+            if best is not None and best.cost_m <= factor * least:
+                break
+            found = self._solve(scene, self._level(scene, keep_out), factor)
+            if isinstance(found, Failure):
+                failure = found
+                continue
+            loser = found if best is not None and best.cost_m <= found.cost_m else best
+            best = best if loser is found else found
+            if loser is not None:
+                rejected.append(_join(loser.legs))
+        if best is None:
+            return self._no_plan(scene, failure.value, self._evidence(scene, failure))
+        return self._as_plan(scene, best, tuple(rejected))
+
+    # ------------------------------------------------------------ one level
+
+    def _level(self, scene: Scene, keep_out_m: float) -> Level:
+        labels, count = scene.linkage.labels(keep_out_m)
+        shapes = shapes_of(scene.linkage, labels, count)
+        return Level(keep_out_m, labels, shapes, tuple(kind_of(s, self.config) for s in shapes))
+
+    def _solve(self, scene: Scene, level: Level, factor: float) -> Candidate | Failure:
+        """The path at one level; its cost is the length times `factor`."""
+        start = self._departure(scene, level.keep_out_m)
+        if start is None:
+            return Failure.BOXED_IN
+        goal = self._arrival(scene, level.keep_out_m)
+        if goal is None:
+            return Failure.GOAL_BLOCKED
+        inner = self._between(scene, level, start, goal)
+        if isinstance(inner, Failure):
+            return inner
+        legs, rejected = inner
+        if start != scene.start:
+            out = (scene.start, start)
+            nearest = math.sqrt(kernels.clearance2(scene.hits, *scene.start))
+            kept = min(level.keep_out_m, nearest)
+            legs = (Leg(LegKind.STRAIGHT, out, distance(*out), kept), *legs)
+        return Candidate(legs, level, factor * sum(leg.length_m for leg in legs), rejected)
+
+    def _departure(self, scene: Scene, keep_out_m: float) -> Point | None:
+        """Where planning begins: the start, or the nearest free place when it is in a keep-out."""
+        start = scene.start
+        if self.fence.inside_distance_m(*start) < 0.0:
+            start = self._pulled_inside(start)
+        if kernels.clearance2(scene.hits, *start) >= keep_out_m * keep_out_m:
+            return start
+        within = keep_out_m + EXIT_MARGIN_M
+        found, north, east = kernels.nearest_exit(scene.hits, keep_out_m, *start, within, True)
+        inside = found and self.fence.inside_distance_m(north, east) >= 0.0
+        return (north, east) if inside else None
+
+    def _arrival(self, scene: Scene, keep_out_m: float) -> Point | None:
+        goal = scene.goal
+        if kernels.clearance2(scene.hits, *goal) >= keep_out_m * keep_out_m:
+            return goal
+        found, north, east = kernels.nearest_exit(
+            scene.hits, keep_out_m, *goal, scene.tolerance_m, False
+        )
+        inside = found and self.fence.inside_distance_m(north, east) >= 0.0
+        return (north, east) if inside else None
+
+    def _pulled_inside(self, point: Point) -> Point:
+        """The nearest place 1 mm inside the fence."""
+        ring = self.fence.polygon_ne_m
+        best, nearest = point, math.inf
+        for a, b in zip(ring, ring[1:] + ring[:1], strict=True):
+            length = distance(a, b)
+            if length < 2.0 * kernels.SLACK_M:
+                continue
+            tn, te = (b[0] - a[0]) / length, (b[1] - a[1]) / length
+            at = (point[0] - a[0]) * tn + (point[1] - a[1]) * te
+            at = min(length - kernels.SLACK_M, max(kernels.SLACK_M, at))
+            for side in (kernels.SLACK_M, -kernels.SLACK_M):
+                inside = (a[0] + at * tn - side * te, a[1] + at * te + side * tn)
+                if self.fence.inside_distance_m(*inside) > 0.0:
+                    away = distance(point, inside)
+                    best, nearest = (inside, away) if away < nearest else (best, nearest)
+        return best
+
+    def _between(
+        self, scene: Scene, level: Level, start: Point, goal: Point
+    ) -> tuple[tuple[Leg, ...], tuple[tuple[Point, ...], ...]] | Failure:
+        """Legs from a free start to a free goal, with the candidates they replaced."""
+        keep_out = level.keep_out_m
+        clear = keep_out - kernels.TOUCH_M
+        if kernels.in_sight(scene.hits, clear, self._sides, *start, *goal):
+            straight = Leg(LegKind.STRAIGHT, (start, goal), distance(start, goal), keep_out)
+            return (straight,), ()
+        route, discs = self._tangent_route(level, scene, start, goal)
+        if isinstance(route, Route):
+            tangents = _tangent_legs(route.pieces, keep_out)
+            legs = self._fly_past(scene, level, route, discs)
+            if legs != tangents and self._is_sound(scene, keep_out, legs):
+                return legs, (_join(tangents),)
+            if self._is_sound(scene, keep_out, tangents):
+                return tangents, ()
+        elif route.reason is NoRouteReason.CLOSED:
+            return Failure.CLOSED
+        return self._over_the_grid(scene, level, start, goal)
+
+    def _is_sound(self, scene: Scene, keep_out_m: float, legs: tuple[Leg, ...]) -> bool:
+        """The exact check of every path against all hits and the fence."""
+        path = np.array(_join(legs))
+        return bool(
+            kernels.path_is_free(path, scene.hits, keep_out_m - kernels.SLACK_M)
+            and kernels.path_is_inside(path, self._polygon, self._sides)
+        )
+
+    # ------------------------------------------------------------ spherical navigation
+
+    def _tangent_route(
+        self, level: Level, scene: Scene, start: Point, goal: Point
+    ) -> tuple[Route | NoRoute, Discs]:
+        """Round the spheres where they fit and cost little, else round every single hit."""
+        spheres = tuple(
+            kind is ObstacleKind.DISCRETE
+            and shape.radius_m > 0.0
+            and min(distance(start, shape.centre), distance(goal, shape.centre))
+            > shape.radius_m + level.keep_out_m
+            for shape, kind in zip(level.shapes, level.kinds, strict=True)
+        )
+        wide, wide_discs = self._route_with(scene, level, spheres, start, goal)
+        if not any(spheres):
+            return wide, wide_discs
+        straight = distance(start, goal)
+        if isinstance(wide, Route) and wide.length_m <= SPHERE_MAX_RATIO * straight:
+            return wide, wide_discs
+        exact, discs = self._route_with(scene, level, (False,) * len(spheres), start, goal)
+        keeps_spheres = isinstance(wide, Route) and (
+            isinstance(exact, NoRoute) or wide.length_m <= SPHERE_MAX_RATIO * exact.length_m
+        )
+        return (wide, wide_discs) if keeps_spheres else (exact, discs)
+
+    def _route_with(
+        self, scene: Scene, level: Level, spheres: tuple[bool, ...], start: Point, goal: Point
+    ) -> tuple[Route | NoRoute, Discs]:
+        discs = _discs(scene, level, spheres)
+        return route_among(start, goal, discs, self._planes, self.config.tangent_discs_max), discs
+
+    # ------------------------------------------------------------ hyperbolic navigation
+
+    def _fly_past(self, scene: Scene, level: Level, route: Route, discs: Discs) -> tuple[Leg, ...]:
+        """The route's legs, with conics for tangent-arc-tangent where that is wanted and free."""
+        pieces = route.pieces
+        if self.config.hyperbola == "never":
+            return _tangent_legs(pieces, level.keep_out_m)
+        legs: list[Leg] = []
+        done = 0  # pieces before this one are in `legs`
+        at = pieces[0].start
+        for first, last in _turns(pieces, discs, level):
+            if first - 1 < done - 1:
+                continue
+            begin = pieces[0].start if first == 1 else _middle(pieces[first - 1])
+            end = pieces[-1].end if last == len(pieces) - 2 else _middle(pieces[last + 1])
+            conic = self._conic(scene, level, discs, pieces[first : last + 1], begin, end)
+            replaced = _partial(pieces, first, last, begin, end)
+            if conic is None or not self._wanted(conic, replaced):
+                continue
+            legs.extend(_tangent_legs(_cut(pieces, done, first, at, begin), level.keep_out_m))
+            legs.append(Leg(LegKind.HYPERBOLA, conic.points, conic.length_m, level.keep_out_m))
+            done, at = last + 1, end
+        if done == 0:
+            return _tangent_legs(pieces, level.keep_out_m)
+        if at != pieces[-1].end:
+            legs.extend(
+                _tangent_legs(_cut(pieces, done, len(pieces), at, pieces[-1].end), level.keep_out_m)
+            )
+        return tuple(legs)
+
+    def _wanted(self, conic: FlyBy, replaced_m: float) -> bool:
+        if self.config.hyperbola == "prefer":
+            return True
+        return conic.length_m <= self.config.hyperbola_max_ratio * replaced_m
+
+    def _conic(
+        self,
+        scene: Scene,
+        level: Level,
+        discs: Discs,
+        turn: tuple[Segment | Arc, ...],
+        begin: Point,
+        end: Point,
+    ) -> FlyBy | None:
+        """The fly-by from begin to end past the turn's support vertices, free of all hits."""
+        arcs = [piece for piece in turn if isinstance(piece, Arc)]
+        shape = level.shapes[int(discs.labels[arcs[0].disc])]
+        hull = tuple((n, e) for n, e in scene.hits[shape.hull].tolist())
+        if inside_hull(scene.start, hull) or inside_hull(scene.goal, hull):
+            return None
+        for arc in sorted(arcs, key=lambda a: -abs(a.sweep_rad))[:2]:
+            sense = 1 if arc.sweep_rad > 0.0 else -1
+            conic = fly_by(begin, end, arc.centre, level.keep_out_m, sense)
+            if conic is None:
+                continue
+            path = np.array(conic.points)
+            free = kernels.path_is_free(path, scene.hits, level.keep_out_m - kernels.SLACK_M)
+            if free and kernels.path_is_inside(path, self._polygon, self._sides):
+                return conic
+        return None
+
+    # ------------------------------------------------------------ the geodesic
+
+    def _over_the_grid(
+        self, scene: Scene, level: Level, start: Point, goal: Point
+    ) -> tuple[tuple[Leg, ...], tuple[tuple[Point, ...], ...]] | Failure:
+        """The geodesic; where its cells see no way, finer ones and at last all discs decide."""
+        for cell in (self.config.grid_cell_m, 0.5 * self.config.grid_cell_m):
+            found = geodesic(
+                start,
+                goal,
+                scene.hits,
+                level.keep_out_m,
+                self._polygon,
+                cell,
+                convex=self._convex,
+            )
+            if not isinstance(found, Closed):
+                length = polyline_length(found.points)
+                return (Leg(LegKind.GEODESIC, found.points, length, level.keep_out_m),), ()
+        discs = _discs(scene, level, (False,) * len(level.shapes))
+        route = route_among(start, goal, discs, self._planes, ACTIVE_MAX)
+        if isinstance(route, Route):
+            legs = _tangent_legs(route.pieces, level.keep_out_m)
+            if self._is_sound(scene, level.keep_out_m, legs):
+                return legs, ()
+        return Failure.CLOSED
+
+    # ------------------------------------------------------------ results
+
+    def _as_plan(
+        self, scene: Scene, best: Candidate, rejected: tuple[tuple[Point, ...], ...]
+    ) -> Plan:
+        level = best.level
+        return Plan(
+            legs=best.legs,
+            length_m=sum(leg.length_m for leg in best.legs),
+            keep_out_m=level.keep_out_m,
+            environment=environment_of(level.kinds),
+            obstacles=obstacles_of(
+                scene.linkage, level.labels, level.shapes, level.keep_out_m, self.config
+            ),
+            rejected=best.rejected + rejected,
+        )
+
+    def _no_plan(self, scene: Scene, reason: str, evidence: tuple[Point, ...]) -> NoPlan:
+        level = self._level(scene, self.keep_outs_m[-1])
+        environment = environment_of(level.kinds) if level.kinds else Environment.FREE
+        return NoPlan(
+            reason=reason,
+            evidence=evidence,
+            environment=environment,
+            obstacles=obstacles_of(
+                scene.linkage, level.labels, level.shapes, level.keep_out_m, self.config
+            ),
+        )
+
+    def _evidence(self, scene: Scene, failure: Failure) -> tuple[Point, ...]:
+        keep_out = self.keep_outs_m[-1]
+        if failure is Failure.CLOSED:
+            chosen = closing_hits(
+                scene.start,
+                scene.goal,
+                scene.hits,
+                keep_out,
+                self._polygon,
+                self.config.grid_cell_m,
+            )
+            return tuple((n, e) for n, e in scene.hits[list(chosen)].tolist())
+        centre = scene.start if failure is Failure.BOXED_IN else scene.goal
+        away = np.hypot(scene.hits[:, 0] - centre[0], scene.hits[:, 1] - centre[1])
+        near = scene.hits[away < 2.0 * keep_out]
+        return tuple((n, e) for n, e in near.tolist())
+
+
+def _discs(scene: Scene, level: Level, spheres: tuple[bool, ...]) -> Discs:
+    """Every hit with the keep-out radius; one sphere instead where `spheres` says so."""
+    keep_out = level.keep_out_m
+    linkage, labels = scene.linkage, level.labels
+    joined = np.zeros(labels.shape[0], dtype=np.uint8)
+    edge = linkage.edge_m
+    joined[(edge > kernels.CUT_M) & (edge < 2.0 * (keep_out - kernels.CUT_M))] = 1
+    radii = np.full(labels.shape[0], keep_out)
+    if not any(spheres):
+        return Discs(scene.hits, radii, labels, linkage.parent, joined)
+    kept = ~np.array(spheres)[labels]
+    number = np.cumsum(kept) - 1
+    chosen = [k for k, sphere in enumerate(spheres) if sphere]
+    parent = linkage.parent[kept]
+    return Discs(
+        np.concatenate((scene.hits[kept], np.array([level.shapes[k].centre for k in chosen]))),
+        np.concatenate(
+            (radii[kept], np.array([level.shapes[k].radius_m + keep_out for k in chosen]))
+        ),
+        np.concatenate((labels[kept], np.array(chosen, dtype=np.int64))),
+        np.concatenate((number[parent], np.full(len(chosen), -1, dtype=np.int64))),
+        np.concatenate((joined[kept], np.zeros(len(chosen), dtype=np.uint8))),
+    )
+
+
+def _join(legs: tuple[Leg, ...]) -> tuple[Point, ...]:
+    points = list(legs[0].points)
+    for leg in legs[1:]:
+        points.extend(leg.points[1:])
+    return tuple(points)
+
+
+def _tangent_legs(pieces: tuple[Segment | Arc, ...], keep_out_m: float) -> tuple[Leg, ...]:
+    legs = []
+    for piece in pieces:
+        if isinstance(piece, Arc):
+            points = piece.polyline(ARC_SAGITTA_M)
+            legs.append(Leg(LegKind.ARC, points, polyline_length(points), keep_out_m))
+        elif piece.length_m > 0.0:
+            ends = (piece.start, piece.end)
+            legs.append(Leg(LegKind.TANGENT, ends, piece.length_m, keep_out_m))
+    return tuple(legs)
+
+
+def _middle(piece: Segment | Arc) -> Point:
+    return (0.5 * (piece.start[0] + piece.end[0]), 0.5 * (piece.start[1] + piece.end[1]))
+
+
+def _turns(
+    pieces: tuple[Segment | Arc, ...], discs: Discs, level: Level
+) -> tuple[tuple[int, int], ...]:
+    """(first, last) arc of every run of arcs round one continuous obstacle in one sense."""
+    runs: list[tuple[int, int]] = []
+    before: tuple[int, bool] | None = None
+    for k, piece in enumerate(pieces):
+        if not isinstance(piece, Arc):
+            continue
+        label = int(discs.labels[piece.disc])
+        turn = (label, piece.sweep_rad > 0.0)
+        if level.kinds[label] is ObstacleKind.DISCRETE:
+            before = None
+        elif turn == before:
+            runs[-1] = (runs[-1][0], k)
+        else:
+            runs.append((k, k))
+            before = turn
+    return tuple(runs)
+
+
+def _cut(
+    pieces: tuple[Segment | Arc, ...], first: int, last: int, begin: Point, end: Point
+) -> tuple[Segment | Arc, ...]:
+    """pieces[first:last], its first segment beginning at `begin`, its last one ending at `end`."""
+    chosen = list(pieces[first:last])
+    if chosen and isinstance(chosen[0], Segment):
+        chosen[0] = Segment(begin, chosen[0].end)
+    if chosen and isinstance(chosen[-1], Segment):
+        chosen[-1] = Segment(chosen[-1].start, end)
+    return tuple(chosen)
+
+
+def _partial(
+    pieces: tuple[Segment | Arc, ...], first: int, last: int, begin: Point, end: Point
+) -> float:
+    """Length of the pieces from `begin` on the segment before `first` to `end` after `last`."""
+    inner = sum(piece.length_m for piece in pieces[first : last + 1])
+    return distance(begin, pieces[first].start) + inner + distance(pieces[last].end, end)
+
+
+def warm_up() -> None:
+    """Compile (or load) every kernel with the types used in flight: nothing compiles in the air."""
+    planner = Planner(PlannerConfig(), 0.15, Fence.rectangle((-2.0, 6.0), (-3.0, 3.0)))
+    wall = np.array([(2.0, -1.0 + 0.05 * k) for k in range(41)])
+    plan = planner.plan((0.0, 0.0), (4.0, 0.1), wall)
+    violated(np.array(plan.points if isinstance(plan, Plan) else ()), wall, 0.2)
+    planner.plan((1.9, 0.0), (4.0, 0.1), wall)
+    turn = np.linspace(0.0, 2.0 * math.pi, 60)
+    ring = np.stack((4.0 + 0.6 * np.cos(turn), 0.6 * np.sin(turn)), axis=1)
+    planner.plan((0.0, 0.0), (4.0, 0.1), ring)
+    bent = Fence(polygon_ne_m=((-2, -3), (6, -3), (6, 3), (2, 0), (-2, 3)))
+    polygon = np.array(bent.polygon_ne_m)
+    for convex in (True, False):
+        geodesic((0.0, -2.0), (4.0, -0.9), wall, 0.2, polygon, 0.1, convex=convex)
+    Discs.of(wall, np.full(wall.shape[0], 0.2))
