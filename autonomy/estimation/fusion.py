@@ -88,7 +88,7 @@ class _DownBeam:
         return max(found, key=lambda r: r.stamp_s) if found else None
 
     def height_m(self, reading: RangeReading, attitude: Attitude) -> float | None:
-        """Centre of the vehicle over the surface, tilt and mount taken out; None when too tilted."""
+        """Height of the vehicle's centre over the surface; None when too tilted to say."""
         if max(abs(attitude.roll_rad), abs(attitude.pitch_rad)) > TILT_MAX_RAD:
             return None
         beam_frd = add(self._face_frd_m, scale(self._look_frd, reading.range_m))
@@ -104,7 +104,7 @@ class Fusion:
         self._kalman = Kalman(config.acceleration_noise_m_s2, config.gate_sigma)
         self._down = _DownBeam(beams)
         self._origin = _GnssOrigin()
-        self._filter_s: float | None = None
+        self._filter_s = -math.inf
         """Time up to which the filter was moved: the newest stamp that it took notice of."""
         self._fused_s = -math.inf
         """Stamp of the last local position that was fused."""
@@ -132,9 +132,9 @@ class Fusion:
         placed in the old one has to be moved by as much.
         """
         shift = ZERO3
-        if local_position is not None and local_position.stamp_s > self._newest_local_s():
+        if local_position is not None and local_position.stamp_s > self._filter_s:
             shift = self._take_local(local_position)
-        if self._filter_s is not None:
+        if self._filter_s > -math.inf:
             if gnss is not None and gnss.stamp_s > self._gnss_stamp_s:
                 self._take_gnss(gnss)
             if attitude is not None:
@@ -143,18 +143,14 @@ class Fusion:
 
     # ------------------------------------------------------------ local position
 
-    def _newest_local_s(self) -> float:
-        return self._filter_s if self._filter_s is not None else -math.inf
-
     def _take_local(self, local: LocalPosition) -> Vector3:
         """Fuse a new local position; returns how far the frame jumped."""
         config = self._config
-        first = self._filter_s is None
-        dt_s = local.stamp_s - (self._filter_s if self._filter_s is not None else local.stamp_s)
+        dt_s = local.stamp_s - self._filter_s
         self._filter_s = local.stamp_s
-        was_reset = not first and local.reset_counter != self._reset_counter
+        was_reset = local.reset_counter != self._reset_counter
         self._reset_counter = local.reset_counter
-        if first:
+        if dt_s == math.inf:
             self._start(local)
             return ZERO3
         self._kalman.predict(min(dt_s, GAP_RESTART_S))
@@ -219,7 +215,6 @@ class Fusion:
         the origin that is learned anew.
         """
         self._gnss_stamp_s = fix.stamp_s
-        assert self._filter_s is not None
         delay_s = self._filter_s - fix.stamp_s
         if not fix.fix_type.has_position or abs(delay_s) > GAP_RESTART_S:
             return
@@ -264,7 +259,7 @@ class Fusion:
 
     def _state(self, now_s: float, attitude: Attitude | None, shift: Vector3) -> FusedState:
         """The state moved to now, as far as that can be answered for (`stale_after_s`)."""
-        if self._filter_s is None:
+        if self._filter_s == -math.inf:
             why = "no local position yet"
             return FusedState(
                 now_s, ZERO3, ZERO3, 0.0, UNKNOWN_SIGMA_M, None, ok=False, why_not_ok=why
@@ -304,7 +299,6 @@ class Fusion:
     def _why_not_ok(self, now_s: float, attitude: Attitude | None, sigma_m: float) -> str:
         """The first reason not to fly by this state; empty when there is none."""
         limit_s = self._config.stale_after_s
-        assert self._filter_s is not None
         if now_s - self._filter_s > limit_s:
             return f"local position is {now_s - self._filter_s:.2f} s old"
         if self._filter_s - now_s > limit_s:

@@ -98,7 +98,8 @@ class Kalman:
         """One-sigma uncertainty of each axis when nothing is measured for `dt_s` seconds more."""
         (p00, p01), (_, p11) = self._filter.P.tolist()
         dt2 = dt_s * dt_s
-        return math.sqrt(p00 + 2.0 * dt_s * p01 + dt2 * p11 + self._q2 * dt2 * dt2 / 4.0)
+        variance: float = p00 + 2.0 * dt_s * p01 + dt2 * p11 + self._q2 * dt2 * dt2 / 4.0
+        return math.sqrt(variance)
 
     # ------------------------------------------------------------ prediction
 
@@ -190,8 +191,8 @@ class Kalman:
         # max() may pass over a NaN; the sum does not.
         if not math.isfinite(dn + de + dd):
             return math.inf
-        scale = self._gate2 * (float(self._filter.P[row, row]) + variance)
-        return max(dn * dn, de * de, dd * dd) / scale
+        scale: float = self._gate2 * (float(self._filter.P[row, row]) + variance)
+        return float(max(dn * dn, de * de, dd * dd) / scale)
 
     def _fuse(self, measured: Matrix, noise: Matrix, observation: Matrix) -> None:
         # filterpy takes a z with one column for each axis when H is handed over with it.

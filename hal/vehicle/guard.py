@@ -156,6 +156,16 @@ def _beam(mount: BeamMount) -> _Beam:
     return _Beam(mount, yaw, rise, abs(math.sin(pitch)), -rise * mount.down_m)
 
 
+class _Surroundings(msgspec.Struct, frozen=True):
+    """What the beams say: unit vectors (north, east) towards what horizontal ones read nearer
+    than allowed, and the surfaces above and below (inf when none is read).
+    """
+
+    near: tuple[tuple[float, float], ...]
+    ceiling_m: float
+    ground_m: float
+
+
 class Guard:
     """Limits setpoints. Same sequence of checks, same verdicts: no clock, no randomness inside."""
 
@@ -169,6 +179,8 @@ class Guard:
         self._beam_stop_m = config.beam_stop_m
         points = config.fence.polygon_ne_m
         self._edges = tuple(zip(points, points[1:] + points[:1], strict=True))
+        self._fence_at = (0.0, 0.0)
+        self._fence_inside_m = -math.inf
         self._anchor: Vector3 | None = None
         self.horizon_m = stopping_distance_m(
             config.speed_max_m_s, config.reaction_s, config.braking_m_s2
@@ -183,30 +195,17 @@ class Guard:
         limits: list[str] = []
         offset = self._leashed(subtract(setpoint.position_ned_m, sight.position_ned_m), limits)
         velocity = setpoint.velocity_ned_m_s
-        offset, velocity = self._vertical(offset, velocity, sight, limits)
-        offset, velocity = self._off_near_beams(offset, velocity, sight, limits)
+        around = self._surroundings(sight)
+        offset, velocity = self._vertical(
+            offset, velocity, -sight.position_ned_m[2], around, limits
+        )
+        offset, velocity = self._off_near_beams(offset, velocity, around.near, limits)
         offset, velocity = self._at_most_top_speed(offset, velocity, limits)
-        speed_limit_m_s, free_m = self._speed_max_m_s, self.horizon_m
-        hold = False
-        n, e = self._effective(offset, velocity)
-        speed = math.hypot(n, e)
-        if speed > 0.0:
-            hold = self._must_brake(n, e, sight, limits)
-            speed_limit_m_s, free_m, reason = self._allowed(n / speed, e / speed, sight)
-            if speed > speed_limit_m_s * (1.0 + _ROUNDING):
-                limits.append(reason)
-                hold = hold or speed_limit_m_s == 0.0
-                factor = speed_limit_m_s / speed
-                offset = (offset[0] * factor, offset[1] * factor, offset[2])
-                velocity = (velocity[0] * factor, velocity[1] * factor, velocity[2])
-        if hold:
-            anchor = self._hold_at(sight)
-            offset = (
-                anchor[0] - sight.position_ned_m[0],
-                anchor[1] - sight.position_ned_m[1],
-                offset[2],
-            )
-            velocity = (0.0, 0.0, velocity[2])
+        offset, velocity, speed_limit_m_s, free_m = self._with_room(offset, velocity, sight, limits)
+        if velocity[:2] == (0.0, 0.0) and offset[:2] == (0.0, 0.0) and limits:
+            anchor = self._hold_at(sight, around.near)
+            back = subtract(anchor, sight.position_ned_m)
+            offset = (back[0], back[1], offset[2])
         else:
             self._release(setpoint)
         if not limits:
@@ -216,7 +215,7 @@ class Guard:
         )
         return GuardVerdict(limited, tuple(limits), speed_limit_m_s, free_m)
 
-    # ------------------------------------------------------------ (1) age, and what a hold is
+    # ------------------------------------------------------------ age, and what a hold is (1)
 
     def _stale(self, setpoint: Setpoint, sight: Sight) -> str | None:
         """Old position or old setpoint (or one from the future): nobody is flying this vehicle."""
@@ -232,18 +231,18 @@ class Guard:
 
         The stamp is fresh: this setpoint was made now, by the guard.
         """
-        anchor = self._hold_at(sight)
+        anchor = self._hold_at(sight, self._surroundings(sight).near)
         hold = Setpoint(sight.now_s, anchor, yaw_rad=sight.yaw_rad)
         if hold == setpoint:
             hold = setpoint
         return GuardVerdict(hold, (reason,), 0.0, 0.0)
 
-    def _hold_at(self, sight: Sight) -> Vector3:
+    def _hold_at(self, sight: Sight, near: tuple[tuple[float, float], ...]) -> Vector3:
         """Where the present hold began; it begins now if there is none, or none worth keeping."""
         anchor = self._anchor
         if anchor is not None:
             back = subtract(anchor, sight.position_ned_m)
-            if norm(back) > HOLD_REACH_M or self._towards_near_beam(back[0], back[1], sight):
+            if norm(back) > HOLD_REACH_M or _towards(back[0], back[1], near):
                 anchor = None
         if anchor is None:
             anchor = sight.position_ned_m
@@ -256,7 +255,7 @@ class Guard:
         if anchor is not None and setpoint.position_ned_m[:2] != anchor[:2]:
             self._anchor = None
 
-    # ------------------------------------------------------------ (7) leash, (2) top speed
+    # ------------------------------------------------------------ leash (7), top speed (2)
 
     def _leashed(self, offset: Vector3, limits: list[str]) -> Vector3:
         """The position setpoint at most `leash_m` from the vehicle."""
@@ -285,14 +284,18 @@ class Guard:
             (velocity[0] * factor, velocity[1] * factor, velocity[2]),
         )
 
-    # ------------------------------------------------------------ (6) altitude
+    # ------------------------------------------------------------ altitude (6)
 
     def _vertical(
-        self, offset: Vector3, velocity: Vector3, sight: Sight, limits: list[str]
+        self,
+        offset: Vector3,
+        velocity: Vector3,
+        altitude: float,
+        around: _Surroundings,
+        limits: list[str],
     ) -> tuple[Vector3, Vector3]:
         """Climb rate, altitude band, ceiling and ground; down is scaled, never reversed."""
         config = self._config
-        altitude = -sight.position_ned_m[2]
         lowest = min(config.altitude_min_m, altitude)
         highest = max(config.altitude_max_m, altitude)
         rise = -offset[2]
@@ -303,7 +306,7 @@ class Guard:
         effective = -velocity[2] + HEIGHT_GAIN_PER_S * rise
         wanted = max(abs(effective), abs(velocity[2]))
         up = effective > 0.0 or (effective == 0.0 and velocity[2] < 0.0)
-        allowed, reason = self._vertical_speed(altitude, sight, up=up)
+        allowed, reason = self._vertical_speed(altitude, around, up=up)
         if abs(velocity[2]) <= config.climb_max_m_s and abs(effective) <= allowed + _ROUNDING:
             return offset, velocity
         if abs(effective) <= allowed:
@@ -316,29 +319,22 @@ class Guard:
             (velocity[0], velocity[1], velocity[2] * factor),
         )
 
-    def _vertical_speed(self, altitude_m: float, sight: Sight, *, up: bool) -> tuple[float, str]:
+    def _vertical_speed(
+        self, altitude_m: float, around: _Surroundings, *, up: bool
+    ) -> tuple[float, str]:
         """How fast the vehicle may rise (or sink), and what limits it."""
         config = self._config
         room_m = config.altitude_max_m - altitude_m if up else altitude_m - config.altitude_min_m
         allowed, reason = config.climb_max_m_s, CLIMB
         if HEIGHT_GAIN_PER_S * room_m < allowed:
             allowed, reason = max(0.0, HEIGHT_GAIN_PER_S * room_m), ALTITUDE
-        surface_m = self._surface_m(sight, 1 if up else -1)
+        surface_m = around.ceiling_m if up else around.ground_m
         if HEIGHT_GAIN_PER_S * (surface_m - self._beam_stop_m) < allowed:
             allowed = max(0.0, HEIGHT_GAIN_PER_S * (surface_m - self._beam_stop_m))
             reason = CEILING if up else GROUND
         return allowed, reason
 
-    def _surface_m(self, sight: Sight, rise: int) -> float:
-        """Nearest surface that an up (+1) or down (-1) beam reads, from the centre."""
-        nearest = math.inf
-        for seen in sight.beams:
-            beam = self._beam(seen.mount)
-            if beam.rise == rise and _measured(seen.reading):
-                nearest = min(nearest, seen.reading.range_m * beam.projection + beam.face_m)
-        return nearest
-
-    # ------------------------------------------------------------ (4) raw beams
+    # ------------------------------------------------------------ raw beams (4)
 
     def _beam(self, mount: BeamMount) -> _Beam:
         """The mount's geometry, computed once."""
@@ -347,47 +343,72 @@ class Guard:
             known = self._known_beams[mount.name] = _beam(mount)
         return known
 
-    def _near_bearings(self, sight: Sight) -> list[tuple[float, float]]:
-        """Unit vectors (north, east) towards what horizontal beams read nearer than allowed."""
-        near = []
+    def _surroundings(self, sight: Sight) -> _Surroundings:
+        """What the beams say, measured from the vehicle's centre."""
+        bearings: list[tuple[float, float]] = []
+        ceiling_m = ground_m = math.inf
         for seen in sight.beams:
-            beam = self._beam(seen.mount)
-            if (
-                beam.rise == 0
-                and seen.reading.range_m * beam.projection + beam.face_m < self._beam_stop_m
-                and _measured(seen.reading)
-            ):
+            reading, beam = seen.reading, self._beam(seen.mount)
+            status = reading.status
+            if status is not RangeStatus.VALID and status is not RangeStatus.TOO_NEAR:
+                continue
+            distance_m = reading.range_m * beam.projection + beam.face_m
+            if beam.rise > 0:
+                ceiling_m = min(ceiling_m, distance_m)
+            elif beam.rise < 0:
+                ground_m = min(ground_m, distance_m)
+            elif distance_m < self._beam_stop_m:
                 bearing = sight.yaw_rad + beam.yaw_rad
-                near.append((math.cos(bearing), math.sin(bearing)))
-        return near
-
-    def _towards_near_beam(self, north: float, east: float, sight: Sight) -> bool:
-        return any(north * un + east * ue > _ROUNDING for un, ue in self._near_bearings(sight))
+                bearings.append((math.cos(bearing), math.sin(bearing)))
+        return _Surroundings(tuple(bearings), ceiling_m, ground_m)
 
     def _off_near_beams(
-        self, offset: Vector3, velocity: Vector3, sight: Sight, limits: list[str]
+        self,
+        offset: Vector3,
+        velocity: Vector3,
+        near: tuple[tuple[float, float], ...],
+        limits: list[str],
     ) -> tuple[Vector3, Vector3]:
         """No component towards a near reading, whatever the map says; no way left: no motion."""
-        near = self._near_bearings(sight)
-        changed = False
+        if not near or not _towards(*self._effective(offset, velocity), near):
+            return offset, velocity
+        limits.append(BEAM)
         for un, ue in near:
             n, e = self._effective(offset, velocity)
             if n * un + e * ue > _ROUNDING:
-                changed = True
                 offset = _without(offset, un, ue)
                 velocity = _without(velocity, un, ue)
-        if not changed:
-            return offset, velocity
-        limits.append(BEAM)
-        n, e = self._effective(offset, velocity)
-        if any(n * un + e * ue > _ROUNDING for un, ue in near):
+        if _towards(*self._effective(offset, velocity), near):
             # Taking one component away brought another back: the beams close a wedge.
             offset, velocity = (0.0, 0.0, offset[2]), (0.0, 0.0, velocity[2])
         return offset, velocity
 
-    # ------------------------------------------------------------ (2, 3, 5, 8) room to stop
+    # ------------------------------------------------------------ room to stop (2, 3, 5, 8)
 
-    def _must_brake(self, north: float, east: float, sight: Sight, limits: list[str]) -> bool:
+    def _with_room(
+        self, offset: Vector3, velocity: Vector3, sight: Sight, limits: list[str]
+    ) -> tuple[Vector3, Vector3, float, float]:
+        """Offset and velocity scaled to what can be stopped from (to zero: hold), the speed that
+        is allowed, and how far the way is free.
+        """
+        n, e = self._effective(offset, velocity)
+        speed = math.hypot(n, e)
+        if speed == 0.0:
+            return offset, velocity, self._speed_max_m_s, self.horizon_m
+        allowed, free_m, reason = self._allowed(n / speed, e / speed, sight)
+        factor = 1.0
+        if self._must_brake(n, e, sight):
+            limits.append(BRAKE)
+            factor = 0.0
+        if speed > allowed * (1.0 + _ROUNDING):
+            limits.append(reason)
+            factor *= allowed / speed
+        if factor < 1.0:
+            offset = (offset[0] * factor, offset[1] * factor, offset[2])
+            velocity = (velocity[0] * factor, velocity[1] * factor, velocity[2])
+        return offset, velocity, allowed, free_m
+
+    def _must_brake(self, north: float, east: float, sight: Sight) -> bool:
         """The vehicle moves faster than it can stop, and the command (north, east) feeds that."""
         vn, ve = sight.velocity_ned_m_s[0], sight.velocity_ned_m_s[1]
         actual = math.hypot(vn, ve)
@@ -398,10 +419,7 @@ class Guard:
         if fed <= 0.0:
             return False
         allowed, _, _ = self._allowed(un, ue, sight)
-        if actual <= allowed or fed <= allowed * (1.0 + _ROUNDING):
-            return False
-        limits.append(BRAKE)
-        return True
+        return actual > allowed and fed > allowed * (1.0 + _ROUNDING)
 
     def _allowed(self, un: float, ue: float, sight: Sight) -> tuple[float, float, str]:
         """(speed, free distance, limit) along the unit vector (north, east)."""
@@ -451,7 +469,12 @@ class Guard:
         Outside (or on it): `reach_m` for a direction that leads inwards, else 0.
         """
         fence = self._config.fence
+        # The distance changes by no more than the way travelled since it was last computed.
+        travelled_m = math.hypot(position[0] - self._fence_at[0], position[1] - self._fence_at[1])
+        if self._fence_inside_m - travelled_m >= reach_m:
+            return reach_m
         inside_m = fence.inside_distance_m(position[0], position[1])
+        self._fence_at, self._fence_inside_m = (position[0], position[1]), inside_m
         if inside_m >= reach_m:
             return reach_m
         if inside_m <= _ROUNDING:
@@ -464,9 +487,9 @@ class Guard:
         return reach_m
 
 
-def _measured(reading: RangeReading) -> bool:
-    """Something is there: at the range, or nearer than the beam can measure."""
-    return reading.status is RangeStatus.VALID or reading.status is RangeStatus.TOO_NEAR
+def _towards(north: float, east: float, near: tuple[tuple[float, float], ...]) -> bool:
+    """True when the vector has a component along one of the unit vectors."""
+    return any(north * un + east * ue > _ROUNDING for un, ue in near)
 
 
 def _without(vector: Vector3, un: float, ue: float) -> Vector3:
