@@ -1,10 +1,15 @@
 """What was asked of a flight, and what became of it: the two records at the ends of `app.fly`."""
 
+from typing import TYPE_CHECKING
+
 import msgspec
 
 from autonomy.errors import ExitCode
 from autonomy.model import Ending
 from hal.frames import Vector3
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 EXIT_CODES: dict[Ending, ExitCode] = {
     Ending.GOAL_REACHED: ExitCode.GOAL_REACHED,
@@ -66,7 +71,7 @@ class FlightReport(msgspec.Struct, frozen=True):
     time_record: str = ""
     leg_kinds: tuple[str, ...] = ()
     """The kinds of legs that were flown, in the order of their first use."""
-    guard_limits: dict[str, int] = {}
+    guard_limits: dict[str, int] = msgspec.field(default_factory=dict)
     """How many ticks each rule of the guard changed the setpoint."""
     late_ticks: int = 0
     events: tuple[tuple[float, str, str], ...] = ()
@@ -74,3 +79,77 @@ class FlightReport(msgspec.Struct, frozen=True):
     log_notes: tuple[str, ...] = ()
     seed: int | None = None
     scenario: str | None = None
+
+
+def report_table(report: FlightReport) -> "Table":
+    """The report for people, as a rich table of two columns."""
+    from rich.table import Table
+    from rich.text import Text
+
+    good = report.ending is Ending.GOAL_REACHED
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column()
+    title = report.ending.value.replace("_", " ").capitalize()
+    table.add_row("", Text(title, style="bold green" if good else "bold red"))
+    for name, value in _rows(report):
+        table.add_row(name, Text(value))
+    return table
+
+
+def _rows(report: FlightReport) -> list[tuple[str, str]]:
+    """(name, value) of everything that was measured."""
+    route = " -> ".join(
+        f"({north:g}, {east:g}, {down:g})" for north, east, down in report.route_ned_m
+    )
+    rows = [
+        ("", report.why),
+        ("goal, NED", " -> ".join(goals) + " m"),
+        ("flight time", f"{report.flight_time_s:.1f} s"),
+        ("path flown", _path(report)),
+        ("clearance", _clearance(report)),
+        ("top speed", f"{report.max_speed_m_s:.2f} m/s"),
+        ("stops, replans", f"{report.stops}, {report.replans}"),
+    ]
+    if report.planning_s:
+        rows.append(("planning", _planning(report.planning_s)))
+    if report.leg_kinds:
+        rows.append(("legs", ", ".join(report.leg_kinds)))
+    if report.guard_limits:
+        limits = ", ".join(f"{name} {ticks}" for name, ticks in sorted(report.guard_limits.items()))
+        rows.append(("guard, ticks", limits))
+    if report.late_ticks:
+        rows.append(("late ticks", str(report.late_ticks)))
+    if report.scenario is not None:
+        rows.append(("scenario", f"{report.scenario}, seed {report.seed}"))
+    if report.log_path is not None:
+        rows.append(("flight log", report.log_path))
+    rows.extend(("", note) for note in report.log_notes)
+    return rows
+
+
+def _path(report: FlightReport) -> str:
+    text = f"{report.path_length_m:.2f} m"
+    if report.straight_length_m > 0.0:
+        ratio = report.path_length_m / report.straight_length_m
+        text += f", {ratio:.2f} times the straight {report.straight_length_m:.2f} m"
+    return text
+
+
+def _clearance(report: FlightReport) -> str:
+    if report.minimum_clearance_m is None:
+        return "nothing was near"
+    kind = "true" if report.clearance_is_true else "as mapped"
+    skin_m = report.minimum_clearance_m - report.body_radius_m
+    return (
+        f"{report.minimum_clearance_m:.3f} m at least, from the centre ({kind}); "
+        f"{skin_m:.3f} m from the body"
+    )
+
+
+def _planning(planning_s: tuple[float, ...]) -> str:
+    ordered = sorted(planning_s)
+    return (
+        f"{sum(ordered) * 1e3:.1f} ms in {len(ordered)} plans, median "
+        f"{ordered[len(ordered) // 2] * 1e3:.2f} ms, longest {ordered[-1] * 1e3:.2f} ms"
+    )
