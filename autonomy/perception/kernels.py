@@ -600,3 +600,29 @@ def thin(points, spacing):
             kept[count] = s
             count += 1
     return kept[:count]
+
+
+def warm_up() -> None:
+    """Compile (or load from numba's disk cache) every kernel with the types used in flight.
+
+    Nothing is compiled in the air after this; a test holds that no other types are ever used.
+    """
+    slot = np.full((4, 4, LAYERS), -1, dtype=np.int32)
+    seen = np.full((4, 4), -np.inf)
+    points = np.zeros((8, 2))
+    evidence = np.zeros(8, dtype=np.int32)
+    born = np.zeros(8, dtype=np.int64)
+    cell_of = np.zeros(8, dtype=np.int64)
+    counters = np.zeros(COUNTERS, dtype=np.int64)
+    beams = np.zeros((1, BEAM_COLUMNS))
+    rays = np.zeros((1, RAY_COLUMNS))
+    params = np.ones(PARAMS)
+    listed = (slot, seen, points, evidence, born, cell_of, counters)
+    integrate(*listed, beams, params, rays, 1, 0.0, 0.0)
+    see_disc(seen, params, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    free_distance(slot, seen, points, evidence, params, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0)
+    nearest(points, evidence, counters, params, 0.0, 0.0, 0.0, 0.0)
+    occupied(points, evidence, born, counters, params, 0.0, 0.0, 0)
+    seen_fraction(slot, seen, points, evidence, params, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 4)
+    thin(points, 1.0)
+    forget(*listed, params, 0.0, 0.0, 0.0, 0.0, 1.0, 0.1)

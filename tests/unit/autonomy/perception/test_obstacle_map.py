@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from autonomy.config import MapConfig
 from autonomy.geometry import Point, along
-from autonomy.perception.obstacle_map import ObstacleMap, representative_hits, warm_up
+from autonomy.perception import kernels
+from autonomy.perception.obstacle_map import ObstacleMap, representative_hits
 from autonomy.perception.projection import Ray, RayKind
 from hal.config import BeamMount, BeamsConfig, Fence
 from hal.interfaces import SeenSpace
@@ -609,6 +610,24 @@ def test_representative_hits_cover_all_hits_and_keep_apart(points: list[Point]) 
     assert representative_hits(hits[::-1], 0.2).tobytes() == chosen.tobytes()
 
 
-def test_warm_up_compiles_without_leaving_anything_behind() -> None:
-    warm_up()
-    assert len(new_map().hits()) == 0
+def test_after_warm_up_nothing_is_compiled_for_other_types() -> None:
+    kernels.warm_up()
+    obstacles = swept(WALL_NORTH)
+    obstacles.mark_seen_disc((0.0, 0.0))
+    obstacles.free_distance_m(HERE, 0.0, 1.0, 1.7)
+    obstacles.nearest_hit(HERE, 1.0)
+    obstacles.seen_fraction_around((0.0, 0.0), 0.9)
+    obstacles.new_hits_since(0)
+    representative_hits(obstacles.hits(), 0.05)
+    obstacles.shift((0.9, 0.0))
+    Flight(WALL_NORTH, obstacles, still, now_s=1.7).fly(0.2)
+    obstacles.forget_within((0.0, 0.0), 1.1, 0.14)
+    obstacles.forget_all((0.0, 0.0), 0.14)
+    compiled = {
+        name: len(kernel.signatures)
+        for name, kernel in vars(kernels).items()
+        if hasattr(kernel, "signatures") and not name.startswith("_")
+    }
+    assert "integrate" in compiled
+    assert "free_distance" in compiled
+    assert set(compiled.values()) == {1}
