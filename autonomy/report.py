@@ -99,9 +99,7 @@ def report_table(report: FlightReport) -> "Table":
 
 def _rows(report: FlightReport) -> list[tuple[str, str]]:
     """(name, value) of everything that was measured."""
-    route = " -> ".join(
-        f"({north:g}, {east:g}, {down:g})" for north, east, down in report.route_ned_m
-    )
+    goals = [f"({north:g}, {east:g}, {down:g})" for north, east, down in report.route_ned_m]
     rows = [
         ("", report.why),
         ("goal, NED", " -> ".join(goals) + " m"),

@@ -1,0 +1,373 @@
+"""The command line: parses, validates, calls. Every heavy import is inside the command using it.
+
+An error that is the caller's to mend is one sentence on standard error and an exit code of
+autonomy/errors.py; `--debug` shows where it came from.
+"""
+
+import math
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from autonomy.errors import AutonomyError, ExitCode
+from hal.errors import ConnectionFailed, HalError, LinkLost, PortInUse, WrongAutopilot
+
+if TYPE_CHECKING:
+    from autonomy.config import Config
+
+Goal = tuple[float, float, float | None]
+
+_HAL_EXIT_CODES: dict[type[HalError], ExitCode] = {
+    ConnectionFailed: ExitCode.NO_VEHICLE,
+    WrongAutopilot: ExitCode.WRONG_AUTOPILOT,
+    LinkLost: ExitCode.LINK_LOST,
+    PortInUse: ExitCode.BAD_INPUT,
+}
+
+
+def refusal(error: BaseException) -> tuple[str, ExitCode]:
+    """(sentence, exit code) for the person whose command ended with `error`."""
+    while isinstance(error, BaseExceptionGroup) and len(error.exceptions) == 1:
+        error = error.exceptions[0]
+    if isinstance(error, AutonomyError):
+        return str(error), error.exit_code
+    if isinstance(error, HalError):
+        return str(error), _HAL_EXIT_CODES.get(type(error), ExitCode.BAD_INPUT)
+    if isinstance(error, KeyboardInterrupt):
+        return "stopped", ExitCode.ABORTED
+    sentence = (
+        f"a defect of this program: {type(error).__name__}: {error}; "
+        "the same command with --debug shows where"
+    )
+    return sentence, ExitCode.INTERNAL
+
+
+def _remember_debug(context: click.Context, _: click.Parameter, value: bool) -> None:  # noqa: FBT001 - click's signature
+    context.find_root().meta["debug"] = value or context.find_root().meta.get("debug", False)
+
+
+class Command(click.Command):
+    """A command with `--debug`, whose errors are sentences."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.params.append(
+            click.Option(
+                ["--debug"],
+                is_flag=True,
+                expose_value=False,
+                callback=_remember_debug,
+                help="Show the traceback of an error.",
+            )
+        )
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run; an error becomes one sentence on standard error and an exit code."""
+        try:
+            return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except (Exception, KeyboardInterrupt) as error:
+            if ctx.find_root().meta.get("debug"):
+                raise
+            sentence, exit_code = refusal(error)
+            click.echo(f"autonomy: {sentence}", err=True)
+            ctx.exit(int(exit_code))
+
+
+class Shell(click.Group):
+    """The group of commands."""
+
+    command_class = Command
+
+
+class GoalType(click.ParamType[Goal]):
+    """`x,y` or `x,y,z` in metres."""
+
+    name = "x,y[,z]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Goal:
+        """The three coordinates, None for a height that was not given."""
+        parts = str(value).split(",")
+        try:
+            numbers = [float(part) for part in parts]
+        except ValueError:
+            numbers = []
+        if len(numbers) not in (2, 3):
+            self.fail(
+                f"{value!r} is not a goal; write x,y or x,y,z in metres, as in 4,3", param, ctx
+            )
+        if not all(math.isfinite(number) for number in numbers):
+            self.fail(f"{value!r} has a coordinate that is not a finite number", param, ctx)
+        return (numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else None)
+
+
+def _positive(_: click.Context, __: click.Parameter, value: float | None) -> float | None:
+    if value is not None and not 0.0 < value < math.inf:
+        raise click.BadParameter(f"{value:g} is not a positive number")
+    return value
+
+
+_EXISTING = click.Path(exists=True, dir_okay=False)
+
+
+@click.group(cls=Shell, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="autonomy", message="%(prog)s %(version)s")
+def main() -> None:
+    """Fly small PX4 drones indoors, among obstacles nobody told them about."""
+
+
+@main.command()
+@click.option(
+    "--goal",
+    "goals",
+    type=GoalType(),
+    multiple=True,
+    help="Where to, in metres from the take-off point; several make a route.",
+)
+@click.option(
+    "--frame",
+    type=click.Choice(["ned", "enu", "body"]),
+    default="ned",
+    show_default=True,
+    help="Frame of the goals. z is down in ned and body, up in enu.",
+)
+@click.option("--altitude", type=float, callback=_positive, help="Flying height in metres.")
+@click.option("--land/--no-land", default=None, help="Land at the end, or hold.")
+@click.option(
+    "--sim",
+    "scenario",
+    is_flag=False,
+    flag_value="default",
+    metavar="[SCENARIO]",
+    help="Fly the embedded vehicle in a simulated world: a shipped name or a YAML file.",
+)
+@click.option(
+    "--connection", metavar="URL", help="Fly a real vehicle, as in udpin://0.0.0.0:14540."
+)
+@click.option("--config", "config_path", type=_EXISTING, help="Configuration file (YAML).")
+@click.option("--seed", type=click.IntRange(min=0), default=0, help="Of the simulated world.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object a line on standard output.")
+@click.option("--log-dir", metavar="DIR", help="Where flight logs go.")
+@click.option("--log/--no-log", default=True, help="Record the flight.")
+@click.option("--timeout", type=float, callback=_positive, help="Time limit in seconds.")
+@click.option("--mode", type=click.Choice(["stop", "rolling"]), help="Stop to plan, or roll on.")
+@click.pass_context
+def fly(
+    context: click.Context,
+    *,
+    goals: tuple[Goal, ...],
+    frame: str,
+    altitude: float | None,
+    land: bool | None,
+    scenario: str | None,
+    connection: str | None,
+    config_path: str | None,
+    seed: int,
+    as_json: bool,
+    log_dir: str | None,
+    log: bool,
+    timeout: float | None,
+    mode: str | None,
+) -> None:
+    r"""Fly one mission: check, arm, take off, reach the goal, land.
+
+    Ends with 0 only when the goal was reached safely. Ctrl-C stops and holds, then lands.
+
+    \b
+    autonomy fly --goal 4,3 --sim
+    autonomy fly --goal 2,0 --goal 0,0 --connection udpin://0.0.0.0:14540
+    """
+    if scenario is not None and connection is not None:
+        raise click.UsageError("--sim and --connection exclude each other: simulated or real?")
+    if scenario is None and connection is None:
+        raise click.UsageError(
+            "say what to fly: --sim for the simulated vehicle, or --connection URL for a real one"
+        )
+    if not goals:
+        goals = (_suggested_goal(scenario, frame),)
+    from autonomy import app
+    from autonomy.report import FlyOptions
+
+    report = app.fly(
+        FlyOptions(
+            goals=goals,
+            frame=frame,
+            altitude_m=altitude,
+            land=land,
+            scenario=scenario,
+            connection=connection,
+            config_path=config_path,
+            seed=seed,
+            output="json" if as_json else "auto",
+            log_dir=log_dir,
+            log=log,
+            time_limit_s=timeout,
+            mode=mode,
+        )
+    )
+    context.exit(report.exit_code)
+
+
+def _suggested_goal(scenario: str | None, frame: str) -> Goal:
+    """A scenario knows a goal; a real room does not."""
+    if scenario is None or frame != "ned":
+        raise click.UsageError("say where to: --goal x,y")
+    from hal.sim.scenario import load_scenario
+
+    return (*load_scenario(scenario).goal_ne_m, None)
+
+
+@main.command()
+@click.argument("scenario", default="default")
+@click.option("--port", type=click.IntRange(1, 65535), default=14540, show_default=True)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+def sim(*, scenario: str, port: int, seed: int) -> None:
+    """Run the mock PX4 and its world alone, for any MAVLink client on UDP port PORT.
+
+    Fly it from another terminal: autonomy fly --goal 4,3 --connection udpin://0.0.0.0:14540
+    """
+    from hal.sim.scenario import load_scenario
+
+    load_scenario(scenario)  # refused here, with a sentence
+    command = [sys.executable, "-m", "hal.sim.mock_px4"]
+    command += ["--scenario", scenario, "--port", str(port), "--seed", str(seed)]
+    sys.stdout.flush()
+    os.execv(sys.executable, command)  # noqa: S606 - this process becomes the vehicle
+
+
+@main.command()
+@click.argument("scenario", default="default")
+@click.option("--goal", type=GoalType(), help="Instead of the scenario's own goal.")
+@click.option("--out", type=click.Path(dir_okay=False, writable=True), help="Draw it into a PNG.")
+@click.option("--config", "config_path", type=_EXISTING, help="Configuration file (YAML).")
+@click.pass_context
+def plan(
+    context: click.Context,
+    *,
+    scenario: str,
+    goal: Goal | None,
+    out: str | None,
+    config_path: str | None,
+) -> None:
+    """Plan through a scenario as if everything in it were known, without flying."""
+    from autonomy import planning
+
+    result = planning.plan_scenario(scenario, goal[:2] if goal else None, _config(config_path))
+    click.echo(planning.described(result))
+    if out is not None:
+        from autonomy import pictures
+
+        pictures.save_plan(result.scenario, result.goal, result.plan, result.hits, Path(out))
+        click.echo(f"drawn into {out}")
+    context.exit(int(ExitCode.GOAL_REACHED if result.reachable else ExitCode.UNREACHABLE))
+
+
+@main.command()
+@click.argument("log", type=_EXISTING)
+@click.pass_context
+def replay(context: click.Context, *, log: str) -> None:
+    """Fly the recorded inputs of LOG again and compare every decision, bit for bit."""
+    from autonomy.logbook import replay_log
+
+    result = replay_log(Path(log))
+    if result.exact:
+        click.echo(f"{result.ticks} ticks replayed, every decision is the same")
+        return
+    if result.gap is not None:
+        click.echo(
+            f"{result.ticks} ticks replayed and the same, then the log has a gap: {result.gap}"
+        )
+    else:
+        click.echo(f"the replay differs at {result.first_difference}")
+    context.exit(int(ExitCode.INTERNAL))
+
+
+@main.command()
+@click.argument("log", type=_EXISTING)
+@click.option("--json", "as_json", is_flag=True, help="As JSON.")
+def report(*, log: str, as_json: bool) -> None:
+    """Sum up the flight recorded in LOG."""
+    from autonomy.logbook import report_of_log
+    from autonomy.report import report_table
+
+    summary = report_of_log(Path(log))
+    if as_json:
+        import msgspec
+
+        click.echo(msgspec.json.format(msgspec.json.encode(summary)).decode())
+    else:
+        from rich.console import Console
+
+        Console(highlight=False).print(report_table(summary))
+
+
+@main.group(invoke_without_command=True)
+@click.pass_context
+def config(context: click.Context) -> None:
+    """Show, check and describe the configuration. Alone, it shows the defaults."""
+    if context.invoked_subcommand is None:
+        context.invoke(show, path=None)
+
+
+@config.command()
+@click.argument("path", type=_EXISTING, required=False)
+def show(*, path: str | None) -> None:
+    """Print the effective configuration of PATH, every key of it, as YAML."""
+    import yaml
+
+    data = _config(path).model_dump(mode="json")
+    click.echo(yaml.safe_dump(data, sort_keys=False, default_flow_style=None), nl=False)
+
+
+@config.command("check")
+@click.argument("path", type=_EXISTING)
+def check_config(*, path: str) -> None:
+    """Say whether PATH is a valid configuration, and if not, what and where."""
+    _config(path)
+    click.echo(f"{path}: valid")
+
+
+@config.command()
+def schema() -> None:
+    """Print the JSON schema of the configuration, for editors."""
+    import json
+
+    from autonomy.config import Config
+
+    click.echo(json.dumps(Config.model_json_schema(), indent=2))
+
+
+@main.command()
+@click.option("--config", "config_path", type=_EXISTING, help="Configuration file (YAML).")
+@click.option("--connection", metavar="URL", help="Also look at the vehicle there.")
+@click.option("--log-dir", metavar="DIR", help="Where flight logs go.")
+@click.pass_context
+def check(
+    context: click.Context, *, config_path: str | None, connection: str | None, log_dir: str | None
+) -> None:
+    """Say what is wrong before flying: one sentence a finding, 0 when there is none."""
+    from autonomy import doctor
+
+    effective = _config(config_path)
+    findings = doctor.check_machine(effective, Path(log_dir or effective.log.directory))
+    if connection is not None:
+        findings = (*findings, *doctor.check_vehicle(effective, connection))
+    for finding in findings:
+        click.echo(str(finding))
+    bad = sum(not finding.good for finding in findings)
+    click.echo(f"{bad} to mend" if bad else "ready")
+    context.exit(int(ExitCode.PREFLIGHT_REFUSED if bad else ExitCode.GOAL_REACHED))
+
+
+def _config(path: str | None) -> "Config":
+    from autonomy.config import load_config
+
+    return load_config(Path(path) if path else None)
+
+
+if __name__ == "__main__":
+    main()
