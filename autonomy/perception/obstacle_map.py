@@ -129,7 +129,7 @@ class ObstacleMap:
             self._waiting_discs.append((point, radius))
             return
         kernels.see_disc(
-            self._seen, self._params, *self._origin(), point[0], point[1], radius, stamp_s
+            self._seen, self._params, *self._origin(), *map(float, (*point, radius, stamp_s))
         )
 
     def shift(self, delta_ne: Point) -> None:
@@ -167,10 +167,10 @@ class ObstacleMap:
             self._counters,
             self._params,
             *self._origin(),
-            point[0],
-            point[1],
-            radius_m,
-            keep_disc_m,
+            float(point[0]),
+            float(point[1]),
+            float(radius_m),
+            float(keep_disc_m),
         )
         self._counters[kernels.APPEARED] = 0
         self._hits = None
@@ -247,12 +247,12 @@ class ObstacleMap:
             self._params,
             self._north0_m,
             self._east0_m,
-            position_ned_m[0],
-            position_ned_m[1],
+            float(position_ned_m[0]),  # an integer would make numba compile another version
+            float(position_ned_m[1]),
             math.cos(heading_rad),
             math.sin(heading_rad),
-            limit_m,
-            now_s,
+            float(limit_m),
+            float(now_s),
         )
         return distance
 
@@ -297,10 +297,10 @@ class ObstacleMap:
             self._evidence,
             self._params,
             *self._origin(),
-            point[0],
-            point[1],
-            radius_m,
-            math.inf if now is None else now - age,
+            float(point[0]),
+            float(point[1]),
+            float(radius_m),
+            math.inf if now is None else float(now - age),
             SWEEP_BEARINGS,
         )
         return fraction
@@ -328,8 +328,8 @@ class ObstacleMap:
             self._params,
             self._north0_m,
             self._east0_m,
-            position_ned_m[0],
-            position_ned_m[1],
+            float(position_ned_m[0]),
+            float(position_ned_m[1]),
         )
         return answer
 
