@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
-from hal.vehicle.deadman import Deadman
 
 from autonomy.config import Config, load_config
 from autonomy.embedded import EmbeddedPx4
@@ -33,6 +32,7 @@ from hal.config import validate_document
 from hal.frames import Vector3, ned_from_enu, ned_from_frd
 from hal.interfaces import Vehicle
 from hal.sim.scenario import Scenario, load_scenario
+from hal.vehicle.deadman import Deadman
 
 _POLL_S = 0.05
 
@@ -62,9 +62,14 @@ class Mission:
 
 def prepare(options: FlyOptions) -> Mission:
     """Everything that can be refused before anything moves; raises BadInput or DocumentError."""
-    config = _with_options(
+    return prepare_with(
         load_config(Path(options.config_path) if options.config_path else None), options
     )
+
+
+def prepare_with(config: Config, options: FlyOptions) -> Mission:
+    """As `prepare`, with a loaded configuration; `options.config_path` is not read."""
+    config = _with_options(config, options)
     scenario = load_scenario(options.scenario) if options.scenario is not None else None
     if scenario is not None:
         config = with_scenario(config, scenario)
@@ -95,7 +100,7 @@ def fly(options: FlyOptions) -> FlightReport:
             connection = embedded.connection
         recorder: FlightRecorder | None = None
         if options.log and mission.config.log.enabled:
-            recorder = stack.enter_context(_recorder(mission))
+            recorder = stack.enter_context(flight_recorder(mission))
         report = asyncio.run(_fly(mission, connection, recorder, progress))
         if embedded is not None:
             truth_m = embedded.true_clearance_m()
@@ -117,7 +122,7 @@ async def _fly(
     try:
         facts = await vehicle.open(config.vehicle.connect_timeout_s)
         progress.note(f"connected to {facts.autopilot} {facts.version}, system {facts.system_id}")
-        route = mission.route_ned_m(await _start_yaw_rad(mission, vehicle))
+        route = mission.route_ned_m(await start_yaw_rad(mission, vehicle))
         sensors = registry.range_sensors(config.beams, vehicle, clock)
         gnss = registry.gnss(vehicle, clock)
         deadman = Deadman(config.deadman, vehicle.stop_now, vehicle.hold_now, clock)
@@ -133,12 +138,12 @@ async def _fly(
             recorder=recorder,
             observer=progress,
         )
-        async with _opened(sensors, gnss, config.vehicle.connect_timeout_s):
+        async with opened(sensors, gnss, config.vehicle.connect_timeout_s):
             with deadman, _operator_signals(flight, progress):
                 outcome = await flight.run()
     finally:
         await vehicle.close()
-    return _report(mission, route, outcome, flight.tally, recorder)
+    return report_of(mission, route, outcome, flight.tally, recorder)
 
 
 # ---------------------------------------------------------------- before the flight
@@ -186,7 +191,7 @@ def _check_goals_are_free(config: Config, scenario: Scenario, route: tuple[Vecto
                 )
 
 
-async def _start_yaw_rad(mission: Mission, vehicle: Vehicle) -> float:
+async def start_yaw_rad(mission: Mission, vehicle: Vehicle) -> float:
     """The heading at the start, waited for only where goals depend on it."""
     if mission.options.frame != "body":
         return 0.0
@@ -198,7 +203,7 @@ async def _start_yaw_rad(mission: Mission, vehicle: Vehicle) -> float:
     raise BadInput("the vehicle does not tell its heading, so --frame body has no meaning; use ned")
 
 
-def _recorder(mission: Mission) -> FlightRecorder:
+def flight_recorder(mission: Mission) -> FlightRecorder:
     """The flight log, with what a stranger needs to understand and repeat the flight."""
     options, config = mission.options, mission.config
     return FlightRecorder.in_folder(
@@ -213,7 +218,7 @@ def _recorder(mission: Mission) -> FlightRecorder:
 
 
 @asynccontextmanager
-async def _opened(
+async def opened(
     sensors: registry.Sensors, gnss: registry.Gnss, deadline_s: float
 ) -> AsyncIterator[None]:
     """Sensors open inside, closed after, whatever happens."""
@@ -252,7 +257,7 @@ def _operator_signals(flight: Flight, progress: Progress) -> Iterator[None]:
 # ---------------------------------------------------------------- after the flight
 
 
-def _report(
+def report_of(
     mission: Mission,
     route: tuple[Vector3, ...],
     outcome: Outcome,

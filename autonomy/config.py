@@ -209,6 +209,23 @@ class LogConfig(Section):
     enabled: bool = True
 
 
+class ServiceConfig(Section):
+    """`autonomy serve`: where it listens and what it shows."""
+
+    host: str = "127.0.0.1"
+    """Loopback needs no token; any other address does."""
+    port: int = Field(default=8042, ge=0, le=65535)
+    """0: any free port; it is told when the service starts."""
+    token_file: str | None = None
+    """A file that holds the token; without one, AUTONOMY_TOKEN in the environment."""
+    allowed_hosts: tuple[str, ...] = ()
+    """Further names under which a browser may reach the service on loopback."""
+    stream_hz: Annotated[float, Field(ge=1.0, le=30.0)] = 20.0
+    """How often the page is told where the vehicle is."""
+    reconnect_after_s: Positive = 4.0
+    """On the ground, a vehicle silent for this long is given up and waited for anew."""
+
+
 class Config(Section):
     """The whole configuration."""
 
@@ -225,6 +242,7 @@ class Config(Section):
     failsafe: FailsafeConfig = Field(default_factory=FailsafeConfig)
     control: ControlConfig = Field(default_factory=ControlConfig)
     log: LogConfig = Field(default_factory=LogConfig)
+    service: ServiceConfig = Field(default_factory=ServiceConfig)
 
     @model_validator(mode="after")
     def _margins_are_ordered(self) -> "Config":

@@ -12,18 +12,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from hal.vehicle.deadman import Deadman
-
 from autonomy.config import Config
 from autonomy.geometry import Point, distance
 from autonomy.mission.guarded import Command, GuardedPilot
 from autonomy.mission.machine import OFFBOARD_STATES
+from autonomy.mission.sensing import Sensing
 from autonomy.model import Event, Inputs, OperatorCommand, Outcome
 from autonomy.t3drm.timing import TimeRecord
 from hal.frames import Vector3
 from hal.interfaces import Clock, GnssReceiver, RangeSensor, Vehicle
 from hal.readings import LandedState, StatusText, VehicleFacts
 from hal.setpoints import Reply, Request, RequestKind
+from hal.vehicle.deadman import Deadman
 
 
 class Recorder(Protocol):
@@ -135,6 +135,11 @@ class Flight:
         self._replies: list[Reply] = []
         self._commands: list[OperatorCommand] = []
         self.tally = Tally()
+
+    @property
+    def sensing(self) -> Sensing:
+        """Newest beams, map and frame, for those who show the flight; read only."""
+        return self._guarded.pilot.sensing
 
     def command(self, command: OperatorCommand) -> None:
         """Queue an operator's command for the next tick; call from the loop's thread."""
