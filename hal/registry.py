@@ -1,0 +1,57 @@
+"""Which driver answers to which name in the configuration: the only module that knows them all."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from hal.config import BeamsConfig, VehicleConfig
+from hal.gnss.autopilot_gnss import AutopilotGnss
+from hal.interfaces import Clock, GnssReceiver, MessageSource, RangeSensor, Vehicle
+from hal.ranging.distance_sensor import MavlinkDistanceSensor
+
+Sensors = tuple[RangeSensor, ...]
+Gnss = GnssReceiver | None
+
+
+class LinkedVehicle(Vehicle, MessageSource, Protocol):
+    """A vehicle behind a link that drivers can listen to and the deadman can stop.
+
+    Both calls are for any thread, return at once and need no event loop.
+    """
+
+    def stop_now(self) -> None:
+        """Stop, and stay where the vehicle is."""
+        ...
+
+    def hold_now(self) -> None:
+        """Give the vehicle to the autopilot's Hold."""
+        ...
+
+
+def _mavsdk(config: VehicleConfig, beams: BeamsConfig, clock: Clock) -> LinkedVehicle:
+    # Loading the native library takes longer than printing a help text should.
+    from hal.vehicle.mavsdk_vehicle import MavsdkVehicle
+
+    return MavsdkVehicle(config, clock, beams)
+
+
+VEHICLES: dict[str, Callable[[VehicleConfig, BeamsConfig, Clock], LinkedVehicle]] = {
+    "mavsdk": _mavsdk
+}
+
+
+def vehicle(config: VehicleConfig, beams: BeamsConfig, clock: Clock) -> LinkedVehicle:
+    """The vehicle that `config.driver` names; not open yet."""
+    return VEHICLES[config.driver](config, beams, clock)
+
+
+def range_sensors(beams: BeamsConfig, source: MessageSource, _clock: Clock) -> Sensors:
+    """The drivers of all configured beams; not open yet.
+
+    Raises ReadingRefused when the mounts cannot be told apart over MAVLink.
+    """
+    return (MavlinkDistanceSensor(source, beams),)
+
+
+def gnss(source: MessageSource, _clock: Clock) -> Gnss:
+    """The GNSS receiver; not open yet."""
+    return AutopilotGnss(source)

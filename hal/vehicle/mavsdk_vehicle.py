@@ -1,0 +1,770 @@
+"""One PX4 multicopter over MAVSDK 4.x: the only module that imports `mavsdk`.
+
+Who runs where: the native library has threads of its own and calls back on one of them; callbacks
+only decode and put into cells. Requests use the library's callback form, so that nothing waits in
+a thread pool and cancelling is instant. Blocking calls (connect, parameters, destroy) run one
+after another on one thread of this adapter. Setpoints leave on another, newest first and only.
+"""
+
+import asyncio
+import contextlib
+import functools
+import json
+import logging
+import math
+import socket
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import TypeVar
+from urllib.parse import urlsplit
+
+import msgspec
+from mavsdk.autopilot import Autopilot
+from mavsdk.component_type import ComponentType
+from mavsdk.connection_result import ConnectionResult
+from mavsdk.exceptions import MavsdkError
+from mavsdk.logging import LogLevel, log_subscribe
+from mavsdk.mavsdk import Configuration, Mavsdk
+from mavsdk.plugins.action import Action, ActionResult
+from mavsdk.plugins.info import Info, InfoError
+from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
+from mavsdk.plugins.offboard import (
+    Offboard,
+    OffboardResult,
+    PositionNedYaw,
+    VelocityNedYaw,
+)
+from mavsdk.plugins.param import Param, ParamError
+from mavsdk.system import System
+
+from hal.config import BeamsConfig, VehicleConfig
+from hal.errors import ConnectionFailed, PortInUse, ReadingRefused, WrongAutopilot
+from hal.frames import ZERO3
+from hal.interfaces import Clock, WireMessage
+from hal.latest import Latest
+from hal.readings import (
+    Attitude,
+    FlightMode,
+    LandedState,
+    LocalPosition,
+    StatusText,
+    VehicleFacts,
+    VehicleStatus,
+)
+from hal.setpoints import Reply, Request, RequestKind, Setpoint
+from hal.vehicle.px4_messages import (
+    CRITICAL,
+    STANDBY,
+    AttitudeMessage,
+    BootClock,
+    ExtendedSysState,
+    Heartbeat,
+    LocalPositionNed,
+    Odometry,
+    RecentTexts,
+    StatusTextMessage,
+    SysStatus,
+    TextAssembler,
+)
+
+_LOG = logging.getLogger(__name__)
+_NATIVE_LOG = logging.getLogger("hal.mavsdk")
+_LEVELS = {
+    LogLevel.DEBUG: logging.DEBUG,
+    LogLevel.INFO: logging.DEBUG,
+    LogLevel.WARN: logging.INFO,
+    LogLevel.ERROR: logging.WARNING,
+}
+
+PREFLIGHT_PARAMETERS: dict[str, type[int] | type[float]] = {
+    "COM_DISARM_LAND": float,
+    "COM_OBL_RC_ACT": int,
+    "COM_OF_LOSS_T": float,
+    "COM_RCL_EXCEPT": int,
+    "GF_ACTION": int,
+    "MIS_TAKEOFF_ALT": float,
+    "MPC_XY_P": float,
+    "MPC_XY_VEL_MAX": float,
+    "NAV_DLL_ACT": int,
+}
+"""Parameters asked for when connecting, with their types in PX4."""
+
+MESSAGE_INTERVALS_US = {245: 200_000, 331: 33_333, 132: 40_000}
+"""EXTENDED_SYS_STATE (MAVSDK's action plugin slows it to 1 Hz), ODOMETRY, DISTANCE_SENSOR."""
+
+_AUTOPILOT_COMPONENT = 1  # MAV_COMP_ID_AUTOPILOT1
+_SET_MESSAGE_INTERVAL = 511
+_TEXTS_KEPT = 128
+_VALID_FOR_S = 0.3  # LOCAL_POSITION_NED comes at 30 Hz while the estimate is valid
+_ODOMETRY_GONE_S = 0.5
+_PLACE_FRESH_S = 0.5
+_TEXTS_COME_LATE_S = 0.15  # a text that explains a refusal may follow the acknowledgement
+_WARNINGS_COUNT_S = 15.0
+_TAKEOFF_ALTITUDE_TOLERANCE_M = 1e-3
+_VERSION_WAIT_S = 2.0
+_POLL_S = 0.02
+
+T = TypeVar("T", bound=msgspec.Struct)
+
+
+@functools.cache
+def _route_native_log() -> None:
+    """The library writes to the terminal by itself; once per process, into `logging` instead."""
+
+    def take(level: LogLevel, text: str, _file: str | None, _line: int) -> bool:
+        _NATIVE_LOG.log(_LEVELS[level], text.strip())
+        return True
+
+    log_subscribe(take)
+
+
+@dataclass
+class _Link:
+    """What exists while the link is open; destroying `mavsdk` destroys all of it."""
+
+    mavsdk: Mavsdk
+    system: System
+    action: Action
+    offboard: Offboard
+    param: Param
+    info: Info
+    direct: MavlinkDirect
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+class _Setpoints:
+    """A thread that puts the newest setpoint on the wire; older ones are forgotten."""
+
+    def __init__(self, put_on_wire: Callable[[Setpoint], None]) -> None:
+        self._put_on_wire = put_on_wire
+        self._newest: Setpoint | None = None
+        self._change = threading.Condition()
+        self._closing = False
+        self._thread = threading.Thread(target=self._run, name="setpoints", daemon=True)
+        self._thread.start()
+
+    def send(self, setpoint: Setpoint) -> None:
+        with self._change:
+            self._newest = setpoint
+            self._change.notify()
+
+    def forget(self) -> None:
+        """Drop what has not left yet."""
+        with self._change:
+            self._newest = None
+
+    def close(self) -> None:
+        with self._change:
+            self._closing = True
+            self._change.notify()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            with self._change:
+                while self._newest is None and not self._closing:
+                    self._change.wait()
+                if self._closing:
+                    return
+                setpoint, self._newest = self._newest, None
+            if setpoint is not None:
+                self._put_on_wire(setpoint)
+
+
+class MavsdkVehicle:
+    """`hal.interfaces.Vehicle` over MAVSDK, and a `hal.interfaces.MessageSource` for drivers.
+
+    Connects as a ground station: PX4 sends status texts to nobody else. Positions come from
+    ODOMETRY (position, velocity and reset counter of one instant) but count only while PX4 also
+    sends LOCAL_POSITION_NED, which it stops when its estimate becomes invalid; without ODOMETRY
+    the latter serves alone, and jumps of the frame go unseen.
+    """
+
+    def __init__(self, config: VehicleConfig, clock: Clock, beams: BeamsConfig) -> None:
+        self._config = config
+        self._clock = clock
+        self._beams = beams
+        self._door = threading.Lock()
+        """Held for every call into the library's objects, and to take them away."""
+        self._mavsdk: Mavsdk | None = None
+        self._link: _Link | None = None
+        self._worker: ThreadPoolExecutor | None = None
+        self._setpoints: _Setpoints | None = None
+        self._listeners: list[tuple[str, Callable[[WireMessage], None]]] = []
+        self._system_id = 0
+        self._boot = BootClock()
+        self._restarts_seen = 0
+        self._heard_s = clock.now_s()
+        self._valid_s = -math.inf
+        self._odometry_s = -math.inf
+        self._position: Latest[LocalPosition] = Latest()
+        self._attitude: Latest[Attitude] = Latest()
+        self._heartbeat: Latest[Heartbeat] = Latest()
+        self._landed: Latest[LandedState] = Latest()
+        self._health: Latest[SysStatus] = Latest()
+        self._assembler = TextAssembler()
+        self._texts: deque[StatusText] = deque(maxlen=_TEXTS_KEPT)
+        self._recent = RecentTexts()
+        self._stop_place: LocalPosition | None = None
+        self.unreadable = 0
+        """Messages that were no measurement or could not be decoded, since construction."""
+        self.unsent = 0
+        """Setpoints that met a closed link or that the library refused."""
+
+    # ---------------------------------------------------------------- life
+
+    async def open(self, deadline_s: float) -> VehicleFacts:
+        """Connect, learn who it is, read `PREFLIGHT_PARAMETERS`.
+
+        Never waits for a global position or a home. Raises PortInUse, ConnectionFailed (also for
+        a connection that makes no sense, and when already open), WrongAutopilot. Cancelling ends
+        the attempt and leaves nothing open, after at most the one parameter read under way.
+        """
+        if self._worker is not None:
+            raise ConnectionFailed("this vehicle is open already; close it first")
+        _route_native_log()
+        worker = ThreadPoolExecutor(1, "mavsdk-door")
+        self._worker = worker
+        try:
+            async with asyncio.timeout(deadline_s):
+                return await self._open(worker)
+        except TimeoutError:
+            await self._close_safely()
+            raise ConnectionFailed(
+                f"no vehicle answered on {self._config.connection} within {deadline_s:g} s; "
+                "check that PX4 is running and sends to this address"
+            ) from None
+        except BaseException:
+            await self._close_safely()
+            raise
+
+    async def _open(self, worker: ThreadPoolExecutor) -> VehicleFacts:
+        loop = asyncio.get_running_loop()
+        _refuse_a_taken_port(self._config.connection)
+        mavsdk = await loop.run_in_executor(worker, self._connect)
+        system = await _first_autopilot(mavsdk)
+        _refuse_others_than_px4(system, self._config.connection)
+        self._system_id = system.get_system_id()
+        self._forget_what_was_heard()
+        link = await loop.run_in_executor(worker, self._plug_in, mavsdk, system)
+        self._setpoints = _Setpoints(self._put_on_wire)
+        self._ask_for_rates()
+        while self._heartbeat.get() is None:  # noqa: ASYNC110 - the cell's writer knows no event loop
+            await asyncio.sleep(_POLL_S)
+        version = await loop.run_in_executor(worker, self._read_version, link)
+        for name in PREFLIGHT_PARAMETERS:
+            await loop.run_in_executor(worker, _read_parameter, link, name)
+        return VehicleFacts(
+            autopilot="PX4",
+            version=version,
+            system_id=self._system_id,
+            parameters=dict(link.parameters),
+        )
+
+    async def close(self) -> None:
+        """Let go of the link and of every thread; the vehicle stays in the mode it is in.
+
+        What a flying PX4 does when the setpoints end is its own failsafe (COM_OBL_RC_ACT).
+        Cancelling does not stop the closing.
+        """
+        await self._close_safely()
+
+    async def _close_safely(self) -> None:
+        worker, self._worker = self._worker, None
+        if worker is None:
+            return
+        # Behind whatever the worker still does: nothing is destroyed under a running call.
+        closing = asyncio.get_running_loop().run_in_executor(worker, self._tear_down)
+        worker.shutdown(wait=False)
+        await asyncio.shield(closing)
+
+    def _connect(self) -> Mavsdk:
+        mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
+        self._mavsdk = mavsdk
+        result = mavsdk.add_any_connection(self._config.connection)
+        if result is not ConnectionResult.SUCCESS:
+            raise ConnectionFailed(f"{self._config.connection} cannot be opened: {_advice(result)}")
+        return mavsdk
+
+    def _tear_down(self) -> None:
+        with self._door:
+            self._link = None
+        setpoints, self._setpoints = self._setpoints, None
+        if setpoints is not None:
+            setpoints.close()
+        mavsdk, self._mavsdk = self._mavsdk, None
+        if mavsdk is not None:
+            mavsdk.destroy()
+
+    def _forget_what_was_heard(self) -> None:
+        self._boot = BootClock()
+        self._restarts_seen = 0
+        self._valid_s = self._odometry_s = -math.inf
+        self._heard_s = self._clock.now_s()
+        self._position, self._attitude = Latest(), Latest()
+        self._heartbeat, self._landed, self._health = Latest(), Latest(), Latest()
+        self._assembler = TextAssembler()
+        self._stop_place = None
+
+    def _plug_in(self, mavsdk: Mavsdk, system: System) -> _Link:
+        direct = MavlinkDirect(system)
+        link = _Link(
+            mavsdk, system, Action(system), Offboard(system), Param(system), Info(system), direct
+        )
+        with self._door:
+            self._link = link
+            self._subscribe(direct)
+        return link
+
+    def _read_version(self, link: _Link) -> str:
+        """The flight software's version; "unknown" when PX4 does not tell in time."""
+        ends_s = self._clock.now_s() + _VERSION_WAIT_S
+        waiting = threading.Event()
+        while self._clock.now_s() < ends_s and self._link is link:
+            with contextlib.suppress(InfoError):
+                version = link.info.get_version()
+                return (
+                    f"{version.flight_sw_major}.{version.flight_sw_minor}.{version.flight_sw_patch}"
+                )
+            waiting.wait(_POLL_S)
+        return "unknown"
+
+    # ---------------------------------------------------------------- what it says
+
+    def local_position(self) -> LocalPosition | None:
+        """The newest valid estimate, or None before the first."""
+        return self._position.get()
+
+    def attitude(self) -> Attitude | None:
+        """The newest attitude, or None before the first."""
+        return self._attitude.get()
+
+    def status(self) -> VehicleStatus:
+        """The newest status; before the first heartbeat a disarmed vehicle that is not armable."""
+        heartbeat, health, landed = self._heartbeat.get(), self._health.get(), self._landed.get()
+        heard_s, now_s = self._heard_s, self._clock.now_s()
+        if heartbeat is None:
+            return VehicleStatus(
+                stamp_s=heard_s,
+                armed=False,
+                mode=FlightMode.UNKNOWN,
+                landed=LandedState.UNKNOWN,
+                link_age_s=max(0.0, now_s - heard_s),
+                armable=False,
+                not_armable_because="there was no heartbeat yet",
+            )
+        armable = heartbeat.armed or (
+            heartbeat.system_status >= STANDBY if health is None else health.prearm_ok
+        )
+        return VehicleStatus(
+            stamp_s=heard_s,
+            armed=heartbeat.armed,
+            mode=heartbeat.mode,
+            landed=landed if landed is not None else LandedState.UNKNOWN,
+            link_age_s=max(0.0, now_s - heard_s),
+            armable=armable,
+            not_armable_because="" if armable else self._why_not_armable(now_s),
+            battery_remaining=health.battery if health is not None else None,
+            in_failsafe=heartbeat.armed and heartbeat.system_status == CRITICAL,
+        )
+
+    def _why_not_armable(self, now_s: float) -> str:
+        said = self._recent.since(now_s - _WARNINGS_COUNT_S)
+        return said or "its health checks fail; it does not say which"
+
+    def take_texts(self) -> tuple[StatusText, ...]:
+        """Status texts since the last call, oldest first; at most the last 128."""
+        texts = []
+        with contextlib.suppress(IndexError):
+            while True:
+                texts.append(self._texts.popleft())
+        return tuple(texts)
+
+    def listen(self, name: str, take: Callable[[WireMessage], None]) -> None:
+        """See `hal.interfaces.MessageSource`."""
+        self._listeners.append((name, take))
+        with self._door:
+            if self._link is not None:
+                self._hand_out(self._link.direct, name, take)
+
+    def stamp_s(self, message: WireMessage, boot_s: float) -> float:
+        """See `hal.interfaces.MessageSource`: only the autopilot's own clock is known."""
+        if message.component_id != _AUTOPILOT_COMPONENT:
+            return message.received_s
+        return self._boot.stamp_s(message.received_s, boot_s)
+
+    # ---------------------------------------------------------------- what it hears
+
+    def _subscribe(self, direct: MavlinkDirect) -> None:
+        """Every callback runs on the library's one callback thread, hence one writer per cell."""
+        self._on(direct, "HEARTBEAT", Heartbeat, self._take_heartbeat)
+        self._on(direct, "EXTENDED_SYS_STATE", ExtendedSysState, self._take_landed)
+        self._on(direct, "SYS_STATUS", SysStatus, self._take_health)
+        self._on(direct, "ATTITUDE", AttitudeMessage, self._take_attitude)
+        self._on(direct, "LOCAL_POSITION_NED", LocalPositionNed, self._take_local_position)
+        self._on(direct, "ODOMETRY", Odometry, self._take_odometry)
+        self._on(direct, "STATUSTEXT", StatusTextMessage, self._take_text)
+        for name, take in self._listeners:
+            self._hand_out(direct, name, take)
+
+    def _on(
+        self, direct: MavlinkDirect, name: str, kind: type[T], take: Callable[[T, float], None]
+    ) -> None:
+        """Decode the autopilot's messages of that name and pass them on with their reception."""
+        decoder = msgspec.json.Decoder(kind)
+
+        def received(message: MavlinkMessage, _: object) -> None:
+            now_s = self._clock.now_s()
+            if message.component_id != _AUTOPILOT_COMPONENT or message.system_id != self._system_id:
+                return
+            self._heard_s = now_s
+            try:
+                take(decoder.decode(message.fields_json), now_s)
+            except (msgspec.DecodeError, ReadingRefused):
+                self.unreadable += 1
+
+        direct.subscribe_message(name, received)
+
+    def _hand_out(
+        self, direct: MavlinkDirect, name: str, take: Callable[[WireMessage], None]
+    ) -> None:
+        def received(message: MavlinkMessage, _: object) -> None:
+            take(
+                WireMessage(
+                    self._clock.now_s(),
+                    message.system_id,
+                    message.component_id,
+                    message.fields_json,
+                )
+            )
+
+        direct.subscribe_message(name, received)
+
+    def _take_heartbeat(self, message: Heartbeat, _now_s: float) -> None:
+        self._heartbeat.put(message)
+
+    def _take_landed(self, message: ExtendedSysState, _now_s: float) -> None:
+        self._landed.put(message.landed)
+
+    def _take_health(self, message: SysStatus, _now_s: float) -> None:
+        self._health.put(message)
+
+    def _take_attitude(self, message: AttitudeMessage, now_s: float) -> None:
+        self._attitude.put(message.reading(self._noted(now_s, message.time_boot_ms * 1e-3)))
+
+    def _take_local_position(self, message: LocalPositionNed, now_s: float) -> None:
+        self._valid_s = now_s
+        if now_s - self._odometry_s > _ODOMETRY_GONE_S:
+            last = self._position.get()
+            self._position.put(
+                message.reading(
+                    self._noted(now_s, message.time_boot_ms * 1e-3),
+                    last.reset_counter if last is not None else 0,
+                )
+            )
+
+    def _take_odometry(self, message: Odometry, now_s: float) -> None:
+        reading = message.reading(self._noted(now_s, message.time_usec * 1e-6))
+        if reading is None:
+            return
+        self._odometry_s = now_s
+        if now_s - self._valid_s <= _VALID_FOR_S:
+            self._position.put(reading)
+
+    def _take_text(self, message: StatusTextMessage, now_s: float) -> None:
+        text = self._assembler.take(message, now_s)
+        if text is not None:
+            self._texts.append(text)
+            self._recent.put(text)
+
+    def _noted(self, now_s: float, boot_s: float) -> float:
+        stamp_s = self._boot.note(now_s, boot_s)
+        if self._boot.restarts != self._restarts_seen:
+            # A restarted autopilot has forgotten the rates.
+            self._restarts_seen = self._boot.restarts
+            self._ask_for_rates()
+        return stamp_s
+
+    # ---------------------------------------------------------------- what it is asked
+
+    async def execute(self, request: Request) -> Reply:
+        """Send one request and wait for the acknowledgement, at most `request_timeout_s`.
+
+        TAKEOFF writes MIS_TAKEOFF_ALT first when it differs from the wanted altitude (a vehicle
+        without a global position knows no other way). OFFBOARD sends a setpoint of the current
+        place first and is refused without one. Never raises for what the vehicle does or does not
+        answer. Cancelling stops the waiting, not the request.
+        """
+        asked_s = self._clock.now_s()
+        try:
+            async with asyncio.timeout(self._config.request_timeout_s):
+                problem = await self._execute(request)
+        except TimeoutError:
+            problem = f"no answer within {self._config.request_timeout_s:g} s"
+        if problem is None:
+            return Reply(self._clock.now_s(), request.kind, accepted=True)
+        await asyncio.sleep(_TEXTS_COME_LATE_S)
+        since_s = asked_s - (_WARNINGS_COUNT_S if request.kind is RequestKind.ARM else 0.0)
+        said = self._recent.since(since_s)
+        reason = f"{request.kind.value} was not done: {problem}" + (
+            f"; the vehicle says: {said}" if said else ""
+        )
+        return Reply(self._clock.now_s(), request.kind, accepted=False, reason=reason)
+
+    async def _execute(self, request: Request) -> str | None:
+        """None when the vehicle accepted, else the problem."""
+        match request.kind:
+            case RequestKind.ARM:
+                return await self._act(lambda link: link.action.arm_async)
+            case RequestKind.TAKEOFF:
+                return await self._take_off(request.altitude_m)
+            case RequestKind.OFFBOARD:
+                return await self._start_offboard()
+            case RequestKind.HOLD:
+                return await self._act(lambda link: link.action.hold_async)
+            case RequestKind.LAND:
+                return await self._act(lambda link: link.action.land_async)
+            case RequestKind.DISARM:
+                return await self._act(lambda link: link.action.disarm_async)
+
+    async def _take_off(self, altitude_m: float) -> str | None:
+        if not (math.isfinite(altitude_m) and altitude_m > 0.0):
+            return f"{altitude_m} m is not an altitude above the take-off point"
+        link = self._link
+        known_m = link.parameters.get("MIS_TAKEOFF_ALT", math.nan) if link is not None else math.nan
+        if not abs(known_m - altitude_m) <= _TAKEOFF_ALTITUDE_TOLERANCE_M:
+            problem = await self._act(
+                lambda link: functools.partial(link.action.set_takeoff_altitude_async, altitude_m)
+            )
+            if problem is not None:
+                return problem
+            if link is not None:
+                link.parameters["MIS_TAKEOFF_ALT"] = altitude_m
+        return await self._act(lambda link: link.action.takeoff_async)
+
+    async def _start_offboard(self) -> str | None:
+        here = self._here()
+        if here is None:
+            return "its local position is not known, which OFFBOARD needs"
+        self._put_on_wire(here)
+        return await self._act(lambda link: link.offboard.start_async)
+
+    async def _act(
+        self, choose: Callable[[_Link], Callable[[Callable[..., None]], object]]
+    ) -> str | None:
+        """Start one of the library's calls and wait for its result; None, or the problem."""
+        loop = asyncio.get_running_loop()
+        future: asyncio.Future[ActionResult | OffboardResult] = loop.create_future()
+
+        def resolve(result: ActionResult | OffboardResult) -> None:
+            if not future.done():
+                future.set_result(result)
+
+        def answered(result: ActionResult | OffboardResult, _: object) -> None:
+            # A loop that ended in the meantime has nobody waiting any more.
+            with contextlib.suppress(RuntimeError):
+                loop.call_soon_threadsafe(resolve, result)
+
+        with self._door:
+            if self._link is None:
+                return "the link is not open"
+            choose(self._link)(answered)
+        result = await future
+        return _problem(result)
+
+    def _ask_for_rates(self) -> None:
+        """Request the message rates this adapter needs; nobody waits for the answers."""
+        for message_id, interval_us in MESSAGE_INTERVALS_US.items():
+            fields = {
+                "target_system": self._system_id,
+                "target_component": _AUTOPILOT_COMPONENT,
+                "command": _SET_MESSAGE_INTERVAL,
+                "confirmation": 0,
+                "param1": message_id,
+                "param2": interval_us,
+                **{f"param{n}": 0 for n in range(3, 8)},
+            }
+            message = MavlinkMessage(
+                "COMMAND_LONG", 0, 0, self._system_id, _AUTOPILOT_COMPONENT, json.dumps(fields)
+            )
+            with self._door:
+                if self._link is not None:
+                    self._link.direct.send_command_async(message, lambda *_: None)
+
+    # ---------------------------------------------------------------- setpoints
+
+    def send(self, setpoint: Setpoint) -> None:
+        """Hand one setpoint to the link; returns at once. One that meets a closed link is lost.
+
+        MAVSDK repeats the last one every 50 ms until the vehicle is seen in another mode for 3 s,
+        or the link is closed: hence the deadman.
+        """
+        self._stop_place = None
+        setpoints = self._setpoints
+        if setpoints is None:
+            self.unsent += 1
+            return
+        setpoints.send(setpoint)
+
+    def stop_now(self) -> None:
+        """Stop and stay at the place where the vehicle is now. For the deadman: any thread.
+
+        Called again it keeps the place of the first call, until the next `send` or until the
+        autopilot's frame jumped. Without a fresh position the velocity alone becomes zero.
+        """
+        setpoints = self._setpoints
+        if setpoints is not None:
+            setpoints.forget()
+        here = self._here(keep=True)
+        if here is not None:
+            self._put_on_wire(here)
+        else:
+            self._put_zero_velocity()
+
+    def hold_now(self) -> None:
+        """Ask for Hold without waiting for the answer. For the deadman: any thread."""
+        with self._door:
+            if self._link is not None:
+                self._link.action.hold_async(lambda *_: None)
+
+    def _here(self, *, keep: bool = False) -> Setpoint | None:
+        """A setpoint that stays where the vehicle is; None without a fresh position.
+
+        With `keep` the place of the last such call stays, as long as the frame did not jump.
+        """
+        now_s = self._clock.now_s()
+        position, attitude = self._position.get(), self._attitude.get()
+        if position is None or attitude is None or now_s - position.stamp_s > _PLACE_FRESH_S:
+            return None
+        place = self._stop_place
+        if not keep or place is None or place.reset_counter != position.reset_counter:
+            place = position
+        self._stop_place = place if keep else None
+        return Setpoint(now_s, place.position_ned_m, ZERO3, attitude.yaw_rad)
+
+    def _put_on_wire(self, setpoint: Setpoint) -> None:
+        yaw_deg = math.degrees(setpoint.yaw_rad)
+        position = PositionNedYaw(*setpoint.position_ned_m, yaw_deg)
+        velocity = VelocityNedYaw(*setpoint.velocity_ned_m_s, yaw_deg)
+        self._through_the_door(lambda o: o.set_position_velocity_ned(position, velocity))
+
+    def _put_zero_velocity(self) -> None:
+        attitude = self._attitude.get()
+        yaw_deg = math.degrees(attitude.yaw_rad) if attitude is not None else math.nan
+        velocity = VelocityNedYaw(0.0, 0.0, 0.0, yaw_deg)
+        self._through_the_door(lambda o: o.set_velocity_ned(velocity))
+
+    def _through_the_door(self, call: Callable[[Offboard], object]) -> None:
+        try:
+            with self._door:
+                if self._link is None:
+                    self.unsent += 1
+                    return
+                call(self._link.offboard)
+        except MavsdkError as error:
+            self.unsent += 1
+            _LOG.warning("a setpoint was not sent: %s", error)
+
+
+# -------------------------------------------------------------------- connecting
+
+
+def _refuse_a_taken_port(connection: str) -> None:
+    """Raise PortInUse when another process listens there.
+
+    MAVSDK opens its sockets to be shared: a second one on a port succeeds and one of the two
+    starves. Binding here without sharing, and letting go, asks the kernel.
+    """
+    url = urlsplit(connection)
+    if url.scheme not in ("udpin", "udp", "tcpin"):
+        return
+    try:
+        host, port = url.hostname or "", url.port or 0
+    except ValueError:
+        raise ConnectionFailed(f"{connection} has no usable port; write a number") from None
+    stream = url.scheme == "tcpin"
+    with socket.socket(
+        socket.AF_INET, socket.SOCK_STREAM if stream else socket.SOCK_DGRAM
+    ) as probe:
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            raise PortInUse(
+                f"the port of {connection} cannot be opened ({error.strerror}); stop the program "
+                "that uses it (another autonomy or a ground station), or choose another port"
+            ) from None
+
+
+def _refuse_others_than_px4(system: System, connection: str) -> None:
+    """Raise WrongAutopilot, naming what it is."""
+    kind = system.autopilot_type()
+    if kind is not Autopilot.PX4:
+        raise WrongAutopilot(
+            f"the autopilot on {connection} says it is {kind.name.title()}; only PX4 can be flown"
+        )
+
+
+def _advice(result: ConnectionResult) -> str:
+    advice = {
+        ConnectionResult.CONNECTION_URL_INVALID: (
+            "write it like udpin://0.0.0.0:14540, tcpout://host:port or serial:///dev/tty:57600"
+        ),
+        ConnectionResult.BAUDRATE_UNKNOWN: "the baud rate is not one that serial ports know",
+        ConnectionResult.BIND_ERROR: "the local address is not this machine's or is taken",
+    }
+    return advice.get(result, f"{result.name.replace('_', ' ').lower()}; check address and device")
+
+
+async def _first_autopilot(mavsdk: Mavsdk) -> System:
+    """The first system with an autopilot; waits until cancelled."""
+    loop = asyncio.get_running_loop()
+    found: asyncio.Future[System] = loop.create_future()
+
+    def resolve(system: System) -> None:
+        if not found.done():
+            found.set_result(system)
+
+    def take(system: System | None) -> None:
+        if system is not None:
+            with contextlib.suppress(RuntimeError):
+                loop.call_soon_threadsafe(resolve, system)
+
+    handle = mavsdk.first_autopilot_async(-1.0, take)
+    try:
+        return await found
+    finally:
+        mavsdk.cancel_first_autopilot(handle)
+
+
+def _read_parameter(link: _Link, name: str) -> None:
+    """Into `link.parameters`; a name that the vehicle does not know stays absent."""
+    read = (
+        link.param.get_param_int
+        if PREFLIGHT_PARAMETERS[name] is int
+        else link.param.get_param_float
+    )
+    try:
+        link.parameters[name] = float(read(name))
+    except ParamError as error:
+        _LOG.info("parameter %s was not read: %s", name, error.result.name)
+
+
+_PROBLEMS = {
+    "TIMEOUT": "the vehicle did not answer",
+    "COMMAND_DENIED": "the vehicle refused",
+    "BUSY": "the vehicle is busy",
+    "CONNECTION_ERROR": "the link failed",
+    "NO_SYSTEM": "the vehicle is gone",
+    "UNSUPPORTED": "the vehicle does not know the request",
+    "PARAMETER_ERROR": "a parameter could not be written",
+}
+
+
+def _problem(result: ActionResult | OffboardResult) -> str | None:
+    """None for success, else what went wrong."""
+    if result is ActionResult.SUCCESS or result is OffboardResult.SUCCESS:
+        return None
+    return _PROBLEMS.get(result.name, f"MAVSDK reports {result.name.replace('_', ' ').lower()}")
