@@ -51,8 +51,8 @@ FREE_SPACE = "free_space"
 
 HEIGHT_GAIN_PER_S = 1.0
 """PX4's MPC_Z_P: the height a limit is approached with is that of a position error."""
-DRIFT_M_S = 0.05
-"""Below this an actual velocity is noise (2.7 cm/s one sigma at hover) and stops in 3 cm."""
+DRIFT_M_S = 0.03
+"""Below this an actual velocity is noise (0.6 cm/s one sigma in offboard) and stops in 2 cm."""
 ESCAPE_SPEED_M_S = 0.06
 """How fast the vehicle may leave a place that is too near to a hit."""
 ESCAPE_COSINE = 0.4
