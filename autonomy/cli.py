@@ -82,6 +82,7 @@ class Shell(click.Group):
     """The group of commands."""
 
     command_class = Command
+    group_class = type
 
 
 class GoalType(click.ParamType[Goal]):

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from autonomy.pictures import draw_flight, draw_scenario
 from hal.sim.scenario import load_scenario, shipped_scenarios
-from tools.plots import draw_flight, draw_scenario, main
+from tools.plots import main
 
 CONFIGS = Path(__file__).parents[3] / "configs" / "scenarios"
 
