@@ -99,7 +99,7 @@ class Braking(msgspec.Struct, frozen=True):
 
     def at(self, now_s: float) -> tuple[Vector3, Vector3, Vector3]:
         """(position, velocity, acceleration) of the stop at `now_s`."""
-        if now_s >= self.start_s + self.duration_s:
+        if self.duration_s <= 0.0 or now_s >= self.start_s + self.duration_s:
             return self.end_ned_m, ZERO3, ZERO3
         x = (now_s - self.start_s) / self.duration_s
         if x < 0.5:
