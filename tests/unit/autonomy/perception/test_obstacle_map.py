@@ -453,6 +453,16 @@ def test_the_start_disc_is_free_from_the_first_update_on() -> None:
     assert obstacles.free_distance_m(HERE, 0.0, 1.0, 50_000.0) == pytest.approx(0.06, abs=0.03)
 
 
+def test_a_disc_is_seen_at_the_time_of_the_last_update_unless_told_otherwise() -> None:
+    obstacles = new_map(seen_max_age_s=5.0)
+    obstacles.update(1.0, ())
+    obstacles.update(20.0, ())
+    obstacles.mark_seen_disc((0.0, 0.0), 1.0)
+    assert obstacles.free_distance_m(HERE, 0.0, 0.5, 20.0) == 0.5
+    obstacles.mark_seen_disc((0.0, 0.0), 1.0, 30.0)
+    assert obstacles.free_distance_m(HERE, 0.0, 0.5, 34.0) == 0.5
+
+
 @pytest.mark.parametrize("delta", [(0.013, -0.037), (0.31, 0.2), (0.9, -0.7), (-1.3, 0.0)])
 def test_after_a_reset_the_geometry_is_the_same_in_the_new_frame(delta: Point) -> None:
     room = Room(walls=WALL_NORTH.walls, discs=(((-0.4, 0.3), 0.1),))
@@ -478,6 +488,18 @@ def test_what_is_seen_after_a_reset_lands_on_what_was_seen_before() -> None:
     Flight(moved, obstacles, lambda _: (0.9, -0.7), now_s=1.7).fly(1.7)
     assert np.abs(obstacles.hits()[:, 0] - 1.5).max() < 0.03
     assert len(obstacles.hits()) < 1.3 * count
+
+
+@pytest.mark.parametrize("delta", [(0.1, 0.0), (0.9, -0.7)])
+def test_a_reset_between_two_rays_does_not_tear_their_fan(delta: Point) -> None:
+    obstacles = new_map()
+    obstacles.update(1.0, (ray(1.0, 20.0, 1.0, RayKind.FREE),))
+    obstacles.shift(delta)
+    obstacles.update(1.05, (ray(1.05, 23.0, 1.0, RayKind.FREE, delta),))
+    cells = obstacles.seen_cells(2.0) - delta
+    middle = along((0.0, 0.0), math.radians(21.5), 0.6)
+    assert np.abs(cells - middle).max(axis=1).min() <= 0.0125 + 1e-9
+    assert np.hypot(*cells.T).max() < 0.95
 
 
 def test_no_reset_changes_nothing() -> None:
