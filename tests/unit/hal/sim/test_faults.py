@@ -106,6 +106,13 @@ def test_noise_beyond_the_limits_becomes_the_status_that_it_is() -> None:
     assert statuses == expected
 
 
+def test_noise_does_not_make_a_distance_of_what_is_none() -> None:
+    sampler = faulty({"kind": "beam_noise", "start_s": 0.0, "sigma_m": 2.0})
+    assert {at(sampler, k * 0.05)["up"].status for k in range(50)} == {RangeStatus.OUT_OF_RANGE}
+    lost = faulty({"kind": "beam_dropout", "start_s": 0.0}, {"kind": "beam_noise", "start_s": 0.0})
+    assert {at(lost, k * 0.05)["down"].range_m for k in range(50)} == {0.0}
+
+
 def test_faults_that_overlap_all_act_in_their_order() -> None:
     sampler = faulty(
         {"kind": "beam_stuck", "beam": "front", "start_s": 1.0},

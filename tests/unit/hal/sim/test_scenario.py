@@ -166,6 +166,11 @@ def test_a_path_without_a_file_is_refused_as_a_path(tmp_path: Path) -> None:
         load_scenario(str(tmp_path / "mine.yaml"))
 
 
+def test_a_bare_file_name_is_a_path_and_not_a_name() -> None:
+    with pytest.raises(DocumentError, match=r"^labyrinth\.yaml: there is no such file"):
+        load_scenario("labyrinth.yaml")
+
+
 def test_a_mistake_in_a_file_is_placed_by_line_and_key(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(
@@ -238,6 +243,10 @@ PILLAR = {"kind": "disc", "centre_ne_m": [2.0, 2.0], "radius_m": 0.3}
         (
             {"obstacles": [{**PILLAR, "height_m": 3.0}], "ceiling_m": 2.5},
             r"obstacle 0 reaches 3\.0 m, above the ceiling at 2\.5 m: lower it",
+        ),
+        (
+            {"obstacles": [{**PILLAR, "base_m": 2.6, "label": "lamp"}], "ceiling_m": 2.5},
+            r"disc 'lamp' reaches 2\.6 m, above the ceiling at 2\.5 m",
         ),
         ({"obstacles": [{**PILLAR, "height": 1.0}]}, r"height: is not a known key"),
         ({"faults": [{"kind": "beam_stuck", "start_s": -1.0}]}, r"start_s: "),

@@ -97,6 +97,14 @@ def test_looking_down_on_a_crate_measures_to_its_top_and_up_to_a_lamp_to_its_und
     assert room.cast((2.6, 0.0, -1.0), DOWN) == pytest.approx(1.0)
 
 
+def test_a_box_that_is_entered_from_above_does_not_hide_what_is_nearer() -> None:
+    # The ray is over the long box before it meets the pillar, but would meet its top behind it.
+    table = Box(centre_ne_m=(3.0, 0.0), size_m=(5.0, 1.0), height_m=0.2)
+    for order in ((PILLAR, table), (table, PILLAR)):
+        distance = world(*order).cast((0.0, 0.0, -1.0), (1.0, 0.0, 0.3))
+        assert distance == pytest.approx(1.5 * math.hypot(1.0, 0.3))
+
+
 def test_a_ray_from_inside_an_obstacle_is_over_at_once() -> None:
     assert world(PILLAR).cast((2.1, 0.0, -1.0), NORTH) == 0.0
 
@@ -204,6 +212,8 @@ def test_a_thin_beam_is_one_ray_and_a_cone_stays_within_its_half_angle() -> None
         assert np.allclose(np.linalg.norm(rays, axis=1), 1.0)
         assert cosines.min() == pytest.approx(math.cos(0.2))
         assert np.allclose(rays[0], axis)
+        off_axis = {round(math.acos(min(1.0, c)), 3) for c in cosines.tolist()}
+        assert off_axis == {0.0, 0.067, 0.133, 0.2}
 
 
 def test_a_cone_sees_a_post_beside_its_axis_and_not_one_outside_it() -> None:
