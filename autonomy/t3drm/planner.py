@@ -253,8 +253,6 @@ class Planner:
                 return legs, (_join(tangents),)
             if self._is_sound(scene, keep_out, tangents):
                 return tangents, ()
-        elif route.reason is NoRouteReason.CLOSED:
-            return Failure.CLOSED
         return self._over_the_grid(scene, level, start, goal)
 
     def _is_sound(self, scene: Scene, keep_out_m: float, legs: tuple[Leg, ...]) -> bool:
@@ -433,26 +431,22 @@ class Planner:
 
 def _discs(scene: Scene, level: Level, spheres: tuple[bool, ...]) -> Discs:
     """Every hit with the keep-out radius; one sphere instead where `spheres` says so."""
-    keep_out = level.keep_out_m
-    linkage, labels = scene.linkage, level.labels
-    joined = np.zeros(labels.shape[0], dtype=np.uint8)
-    edge = linkage.edge_m
-    joined[(edge > kernels.CUT_M) & (edge < 2.0 * (keep_out - kernels.CUT_M))] = 1
+    keep_out, labels, linkage = level.keep_out_m, level.labels, scene.linkage
     radii = np.full(labels.shape[0], keep_out)
+    chain = kernels.sparse_chain(
+        linkage.order, linkage.parent, linkage.edge_m, 2.0 * keep_out, linkage.points, radii
+    )
     if not any(spheres):
-        return Discs(scene.hits, radii, labels, linkage.parent, joined)
+        return Discs(scene.hits, radii, labels, chain)
     kept = ~np.array(spheres)[labels]
-    number = np.cumsum(kept) - 1
     chosen = [k for k, sphere in enumerate(spheres) if sphere]
-    parent = linkage.parent[kept]
+    centres = np.array([level.shapes[k].centre for k in chosen])
+    reach = np.array([level.shapes[k].radius_m + keep_out for k in chosen])
     return Discs(
-        np.concatenate((scene.hits[kept], np.array([level.shapes[k].centre for k in chosen]))),
-        np.concatenate(
-            (radii[kept], np.array([level.shapes[k].radius_m + keep_out for k in chosen]))
-        ),
+        np.concatenate((scene.hits[kept], centres)),
+        np.concatenate((radii[kept], reach)),
         np.concatenate((labels[kept], np.array(chosen, dtype=np.int64))),
-        np.concatenate((number[parent], np.full(len(chosen), -1, dtype=np.int64))),
-        np.concatenate((joined[kept], np.zeros(len(chosen), dtype=np.uint8))),
+        np.concatenate((chain[kept], np.ones(len(chosen), dtype=np.uint8))),
     )
 
 

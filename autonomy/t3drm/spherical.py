@@ -98,23 +98,20 @@ class NoRoute(msgspec.Struct, frozen=True, tag="no_route"):
 
 
 class Discs(msgspec.Struct, frozen=True):
-    """Discs made ready for `route_among`: rows of centres, radii and the tree of their overlaps.
-
-    `joined[k]` = 1 promises that disc k intersects disc `parent[k]` of the same label.
-    """
+    """Discs made ready for `route_among`: centres, radii, component numbers, sparse chains."""
 
     centres: Floats
     radii: Floats
     labels: Ints
-    parent: Ints
-    joined: Mask
+    chain: Mask
 
     @classmethod
     def of(cls, centres: Floats, radii: Floats) -> "Discs":
-        """Any discs, with the tree of overlaps found here (O(n^2))."""
+        """Any discs; overlapping ones are one component (O(n^2))."""
         order, parent, gap = kernels.spanning_tree(centres, radii)
-        labels, _ = kernels.cut_tree(order, parent, gap, -2.0 * kernels.CUT_M)
-        return cls(centres, radii, labels, parent, kernels.mark_joined(centres, radii, parent))
+        labels, _ = kernels.cut_tree(order, parent, gap, 0.0)
+        chain = kernels.sparse_chain(order, parent, gap, 0.0, centres, radii)
+        return cls(centres, radii, labels, chain)
 
 
 _REASONS = {
@@ -221,8 +218,7 @@ def route_among(
         discs.centres,
         discs.radii,
         discs.labels,
-        discs.parent,
-        discs.joined,
+        discs.chain,
         planes,
         active_max,
     )
