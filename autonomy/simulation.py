@@ -61,9 +61,7 @@ class Simulation:
         seed: int = 0,
     ) -> None:
         """`config.guard.fence` is taken as given: callers put the scenario's there."""
-        streams = [
-            np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(4)
-        ]
+        streams = [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(4)]
         self.clock = SimClock()
         self.world = World(scenario)
         self._scenario = scenario
@@ -180,9 +178,7 @@ class _Book:
         self._clearance_m = min(self._clearance_m, clearance_m)
         self._collided |= simulation.world.collides(truth.position_ned_m, self._body_radius_m)
         velocity = truth.velocity_ned_m_s
-        self._max_speed_m_s = max(
-            self._max_speed_m_s, (velocity[0] ** 2 + velocity[1] ** 2) ** 0.5
-        )
+        self._max_speed_m_s = max(self._max_speed_m_s, (velocity[0] ** 2 + velocity[1] ** 2) ** 0.5)
         if decision.state not in (MissionState.TAKEOFF, MissionState.LAND, MissionState.DONE):
             self._navigating.append(decision.now_s)
             self._error_m = distance(point, simulation.guarded.pilot.goal[:2])
@@ -223,4 +219,3 @@ def with_scenario(config: Config, scenario: Scenario) -> Config:
 def goal_of(scenario: Scenario, config: Config) -> Vector3:
     """The scenario's suggested goal at the mission's altitude."""
     return (*scenario.goal_ne_m, -config.mission.altitude_m)
-

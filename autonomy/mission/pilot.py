@@ -15,6 +15,8 @@ There is no clock, no randomness, no input or output here: everything comes in `
 import math
 from collections.abc import Callable
 
+import numpy as np
+
 from autonomy.config import Config
 from autonomy.geometry import Point, distance
 from autonomy.guidance.follower import arrival_speed, carrot_direction, push_away
@@ -59,6 +61,8 @@ _STUCK_AFTER_S = 6.0
 _STUCK_WITHIN_M = 0.05
 _DISC_UNDER_VEHICLE_M = 0.14
 _CLEARANCE_LIMIT_M = 1.0
+_GOAL_MAY_MOVE = 0.6
+"""By this much of the tolerance the planner may move a goal that a noisy hit has come too near."""
 _HOLD_BEFORE_LANDING_S = 3.0
 
 
@@ -204,7 +208,12 @@ class Pilot:
         self._planned_s = tick.now_s
         self.replans += 1
         goal = (self.goal[0], self.goal[1])
-        result = self._planner.plan(tick.fused.point, goal, self._sensing.map.hits())
+        result = self._planner.plan(
+            tick.fused.point,
+            goal,
+            self._sensing.map.hits(),
+            _GOAL_MAY_MOVE * self._config.mission.goal_tolerance_m,
+        )
         tick.plan = result
         if isinstance(result, NoPlan):
             return self._no_way(tick, result.reason, result.evidence)
@@ -266,14 +275,15 @@ class Pilot:
         checked = (self._sensing.map.version, id(self._path))
         if checked == self._path_checked:
             return None
-        blocked_m = violated(
-            self._path.remaining(),
+        found = violated(
+            np.array(self._path.remaining()),
             self._sensing.map.hits(),
             self._path_keep_out_m - _PATH_SLACK_M,
         )
-        if blocked_m is None:
+        if found is None:
             self._path_checked = checked
-        return blocked_m
+            return None
+        return found.distance_m
 
     def _is_stuck(self, tick: Tick) -> bool:
         """True after `_STUCK_AFTER_S` on a path without leaving a small circle."""
