@@ -138,7 +138,15 @@ def _title(axes: Any, text: str) -> None:
 
 def _save(figure: Any, path: Path) -> None:
     try:
-        figure.savefig(path, dpi=110, facecolor=PAPER, metadata={"Software": None})
+        # "tight": with equal scales on both axes the title may reach beyond the laid-out figure.
+        figure.savefig(
+            path,
+            dpi=110,
+            facecolor=PAPER,
+            bbox_inches="tight",
+            pad_inches=0.12,
+            metadata={"Software": None},
+        )
     except OSError as error:
         raise BadInput(f"{path}: cannot be written ({error.strerror})") from None
     except ValueError as error:  # the file's suffix names a format that matplotlib does not know
@@ -154,7 +162,7 @@ def _figure() -> tuple[Any, Any]:
             "pictures need matplotlib; install it with: pip install 'autonomy[plots]'"
         ) from None
 
-    figure = Figure(figsize=(5.8, 6.2), layout="constrained")
+    figure = Figure(figsize=(5.8, 6.6), layout="constrained")
     FigureCanvasAgg(figure)
     return figure, figure.add_subplot()
 
