@@ -298,6 +298,14 @@ def test_one_turn_sees_everything_in_sight() -> None:
     assert 0.4 < half.seen_fraction_around((0.0, 0.0), 0.9) < 0.7
 
 
+def test_where_the_body_is_the_space_is_free_even_if_no_beam_sees_it() -> None:
+    obstacles = new_map()
+    obstacles.update(1.0, (ray(1.0, 0.0, 0.0, RayKind.NOTHING, (0.5, 0.5)),))
+    cells = obstacles.seen_cells(2.0) - (0.5, 0.5)
+    assert len(cells) * 0.025**2 == pytest.approx(math.pi * 0.14**2, rel=0.05)
+    assert np.hypot(*cells.T).max() <= 0.14
+
+
 def test_an_old_sweep_is_not_a_new_one() -> None:
     obstacles = swept(Room())
     now = 100.0
@@ -420,6 +428,15 @@ def test_an_unseen_spot_under_the_rim_blocks_all_but_the_way_from_it() -> None:
     assert obstacles.free_distance_m(HERE, 0.0, 0.2, 1.0) == pytest.approx(0.08, abs=0.02)
 
 
+def test_an_unseen_spot_abeam_blocks_until_it_lies_clearly_behind() -> None:
+    obstacles = new_map()
+    obstacles.mark_seen_disc((0.0, 0.0), 1.5, 1.0)
+    obstacles.forget_within((0.0, 0.15), 0.02, 0.0)
+    for heading_deg in (20.0, 0.0, -8.0):
+        assert obstacles.free_distance_m(HERE, math.radians(heading_deg), 0.2, 1.0) == 0.0
+    assert obstacles.free_distance_m(HERE, math.radians(-25.0), 0.2, 1.0) == 0.2
+
+
 # ---------------------------------------------------------------- clearance
 
 
@@ -531,6 +548,25 @@ def test_forgetting_nearby_removes_hits_and_sight_but_keeps_the_inner_disc() -> 
     assert obstacles.free_distance_m(HERE, 0.0, 1.0, 2.0) == 0.0
     Flight(WALL_NORTH, obstacles, still, now_s=2.0).fly(1.7)
     assert obstacles.clearance_m(HERE, 1.0) == pytest.approx(0.6, abs=0.01)
+
+
+@given(st.lists(st.tuples(st.floats(-1.9, 1.9), st.floats(-1.9, 1.9)), max_size=40))
+@settings(deadline=None, max_examples=40)
+def test_forgetting_nearby_removes_just_the_hits_that_are_near(points: list[Point]) -> None:
+    obstacles = new_map()
+    for beam, point in enumerate(points):
+        obstacles.update(1.0, (ray(1.0, 0.0, 0.0, RayKind.HIT, point, beam),))
+    before = {tuple(hit) for hit in obstacles.hits().tolist()}
+    obstacles.forget_within((0.3, 0.0), 1.0, 0.0)
+    after = {tuple(hit) for hit in obstacles.hits().tolist()}
+    assert after == {hit for hit in before if math.dist(hit, (0.3, 0.0)) > 1.0}
+    # What is left is still found by its place: a ray through it takes it away.
+    for number, (north, east) in enumerate(sorted(after)):
+        for again in range(4 * 12):
+            stamp, beam = 2.0 + again, 100 + number
+            through = ray(stamp, 0.0, 0.2, RayKind.FREE, (north - 0.05, east), beam)
+            obstacles.update(stamp, (through,))
+    assert len(obstacles.hits()) == 0
 
 
 def test_forgetting_everything_leaves_only_the_disc() -> None:
