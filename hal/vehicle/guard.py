@@ -305,8 +305,7 @@ class Guard:
             offset = (offset[0], offset[1], -rise)
         effective = -velocity[2] + HEIGHT_GAIN_PER_S * rise
         wanted = max(abs(effective), abs(velocity[2]))
-        up = effective > 0.0 or (effective == 0.0 and velocity[2] < 0.0)
-        allowed, reason = self._vertical_speed(altitude, around, up=up)
+        allowed, reason = self._vertical_speed(altitude, around, up=effective > 0.0)
         if abs(velocity[2]) <= config.climb_max_m_s and abs(effective) <= allowed + _ROUNDING:
             return offset, velocity
         if abs(effective) <= allowed:
@@ -433,7 +432,7 @@ class Guard:
         if free_m >= self.horizon_m:
             return self._speed_max_m_s, self.horizon_m, reason
         speed = stopping_speed_m_s(free_m, self._reaction_s, self._braking_m_s2)
-        if seen_m <= 0.0 and fence_m > 0.0 and self._is_escape(heading, un, ue, sight):
+        if seen_m <= 0.0 and self._is_escape(heading, un, ue, sight):
             room = stopping_speed_m_s(fence_m - sigma, self._reaction_s, self._braking_m_s2)
             speed = min(ESCAPE_SPEED_M_S, self._speed_max_m_s, room)
         return speed, max(0.0, free_m), reason

@@ -47,6 +47,8 @@ class DiscWorld:
                 return 0.0
             if along > 0.0 and abs(across) < CORRIDOR_M:
                 free = min(free, along - math.sqrt(CORRIDOR_M**2 - across**2))
+        if math.hypot(north, east) > self.seen_m:
+            return 0.0
         if self.seen_m < math.inf:
             inner = north * un + east * ue
             room = inner * inner - (north * north + east * east - self.seen_m**2)
@@ -279,6 +281,23 @@ def test_a_hold_keeps_the_place_where_it_began() -> None:
     assert is_hold_at(drifted, (0.0, 0.0, -1.0))
 
 
+def test_a_hold_that_is_checked_again_goes_on() -> None:
+    guard = Guard(CONFIG)
+    asked = setpoint(velocity=(0.2, 0.0, 0.0))
+    held = guard.check(asked, sight(space=DiscWorld(seen_m=0.0))).setpoint
+    assert guard.check(held, sight(space=DiscWorld(seen_m=0.0))).setpoint is held
+    drifted = guard.check(asked, sight((0.05, 0.0, -1.0), space=DiscWorld(seen_m=0.0)))
+    assert is_hold_at(drifted, HOME)
+
+
+def test_a_hold_for_want_of_a_position_is_the_same_object_when_checked_again() -> None:
+    guard = Guard(CONFIG)
+    held = guard.check(setpoint((0.3, 0.0, -1.0)), sight(ok=False)).setpoint
+    again = guard.check(held, sight(ok=False))
+    assert again.setpoint is held
+    assert again.limits == (g.POSITION_STALE,)
+
+
 def test_a_hold_begins_anew_after_motion_was_allowed() -> None:
     guard = Guard(CONFIG)
     asked = setpoint((0.3, 0.0, -1.0))
@@ -410,6 +429,12 @@ def test_a_command_that_already_slows_or_turns_away_is_left_alone(command: Vecto
     assert Guard(CONFIG).check(asked, seen).setpoint is asked
 
 
+def test_even_a_slow_push_is_braked_when_the_vehicle_is_fast() -> None:
+    seen = sight(velocity=(0.2, 0.0, 0.0), hits=((0.005 + CORRIDOR_M, 0.0),))
+    verdict = Guard(CONFIG).check(setpoint(velocity=(0.015, 0.0, 0.0)), seen)
+    assert verdict.limits == (g.BRAKE, g.FREE_SPACE)
+
+
 def test_a_vehicle_that_drifts_aside_towards_a_hit_is_held() -> None:
     seen = sight(velocity=(0.0, 0.2, 0.0), hits=((0.0, 0.02 + CORRIDOR_M),))
     verdict = Guard(CONFIG).check(setpoint(velocity=(0.1, 0.1, 0.0)), seen)
@@ -474,6 +499,30 @@ def test_a_beam_is_measured_from_the_centre(forward_m: float, *, stops: bool) ->
     assert (verdict.limits == (g.BEAM,)) == stops
 
 
+@pytest.mark.parametrize(
+    ("mount", "towards"),
+    [
+        (BeamMount(name="right", yaw_deg=90.0, forward_m=0.3, right_m=0.05), (0.0, 0.1, 0.0)),
+        (BeamMount(name="back", yaw_deg=180.0, forward_m=-0.05), (-0.1, 0.0, 0.0)),
+    ],
+)
+@pytest.mark.parametrize(("range_m", "stops"), [(0.134, True), (0.136, False)])
+def test_only_the_offset_along_the_beam_counts(
+    range_m: float, mount: BeamMount, towards: Vector3, *, stops: bool
+) -> None:
+    seen = sight(beams=(beam(mount.name, range_m, mount=mount),))
+    verdict = Guard(CONFIG).check(setpoint(velocity=towards), seen)
+    assert (verdict.limits == (g.BEAM,)) == stops
+
+
+@pytest.mark.parametrize(("range_m", "stops"), [(0.19, True), (0.2, False)])
+def test_a_slanted_beam_counts_by_its_horizontal_part(range_m: float, *, stops: bool) -> None:
+    mount = BeamMount(name="front", pitch_deg=20.0)
+    seen = sight(beams=(beam("front", range_m, mount=mount),))
+    verdict = Guard(CONFIG).check(setpoint(velocity=(0.1, 0.0, 0.0)), seen)
+    assert (verdict.limits == (g.BEAM,)) == stops
+
+
 def test_a_mount_that_changes_under_the_same_name_is_noticed() -> None:
     guard = Guard(CONFIG)
     asked = setpoint(velocity=(0.1, 0.0, 0.0))
@@ -532,6 +581,15 @@ def test_flight_along_the_fence_is_free() -> None:
     seen = sight((0.0, 0.999, -1.0))
     asked = setpoint((0.0, 0.999, -1.0), (0.25, 0.0, 0.0))
     assert Guard(SQUARE).check(asked, seen).setpoint is asked
+
+
+def test_an_edge_counts_only_where_it_is() -> None:
+    seen = sight((-0.5, -0.05, -1.0))
+    asked = setpoint(seen.position_ned_m, (0.0, 0.25, 0.0))
+    assert Guard(L_SHAPE).check(asked, seen).setpoint is asked
+    inside_the_arm = sight((0.5, -0.05, -1.0))
+    verdict = Guard(L_SHAPE).check(setpoint((0.5, -0.05, -1.0), (0.0, 0.25, 0.0)), inside_the_arm)
+    assert verdict.limits == (g.FENCE,)
 
 
 @pytest.mark.parametrize(
@@ -610,6 +668,14 @@ def test_the_position_setpoint_stays_in_the_band(asked_m: float, given_m: float)
     verdict = Guard(CONFIG).check(setpoint((0.0, 0.0, -asked_m)), seen)
     assert -verdict.setpoint.position_ned_m[2] == pytest.approx(given_m)
     assert (g.ALTITUDE in verdict.limits) == (asked_m != given_m)
+
+
+def test_a_fast_vertical_feed_forward_is_capped_even_when_the_position_error_cancels_it() -> None:
+    seen = sight()
+    verdict = Guard(CONFIG).check(setpoint((0.0, 0.0, -0.5), (0.0, 0.0, -0.8)), seen)
+    assert verdict.limits == (g.CLIMB,)
+    assert verdict.setpoint.velocity_ned_m_s[2] == pytest.approx(-0.5)
+    assert climb(verdict, seen) == pytest.approx(0.3 * 0.5 / 0.8)
 
 
 def test_above_the_band_the_guard_does_not_fly_down_by_itself() -> None:
@@ -704,6 +770,20 @@ def test_without_a_near_hit_there_is_nothing_to_escape_from() -> None:
     world = DiscWorld(((0.4, 0.0),), seen_m=0.0)
     verdict = Guard(CONFIG).check(setpoint(velocity=(-0.05, 0.0, 0.0)), sight(space=world))
     assert is_hold_at(verdict, HOME)
+
+
+def test_a_place_that_was_not_seen_is_no_reason_to_escape_from_it() -> None:
+    world = DiscWorld(seen_m=1.0)
+    seen = sight((1.05, 0.0, -1.0), space=world)
+    verdict = Guard(CONFIG).check(setpoint((1.05, 0.0, -1.0), (-0.05, 0.0, 0.0)), seen)
+    assert is_hold_at(verdict, (1.05, 0.0, -1.0))
+
+
+def test_a_way_that_is_short_but_free_is_no_escape() -> None:
+    # A hit behind, and one aside whose corridor begins a millimetre ahead.
+    seen = sight(hits=((-0.18502, 0.0), (0.007, 0.1849)))
+    verdict = Guard(CONFIG).check(setpoint(velocity=(0.05, 0.0, 0.0)), seen)
+    assert math.hypot(*effective(verdict, seen)) < 0.002
 
 
 def test_an_escape_respects_fence_and_beams() -> None:
