@@ -148,7 +148,7 @@ class Protocol:
 
     def _set_mode(self, parameters: Sequence[float]) -> Result:
         pilot = self._plant.autopilot
-        base, main, sub = (_whole(value) for value in parameters[:3])
+        base, main, sub = (_whole(value, 0) for value in parameters[:3])
         if not base & _CUSTOM_MODE_FLAG:
             pilot.say(Severity.CRITICAL, "Unsupported base mode")
             return Result.TEMPORARILY_REJECTED
@@ -280,9 +280,9 @@ class Protocol:
         ]
 
 
-def _whole(value: float) -> int:
-    """A number that stands for an id; what is not a number stands for none."""
-    return int(value) if math.isfinite(value) else 0
+def _whole(value: float, otherwise: int = -1) -> int:
+    """A number that stands for an id; what is not a number stands for `otherwise` (none)."""
+    return int(value) if math.isfinite(value) else otherwise
 
 
 def _masked(vector: Vector3, mask: int, bits: tuple[int, int, int]) -> Vector3:

@@ -384,7 +384,8 @@ class Schedule:
             if now_s < at_s - _EARLY_TICK_S:
                 continue
             interval_s = self._interval_s.get(key, self._default_s[key])
-            self._due_s[key] = max(at_s + interval_s, now_s)
+            next_s = at_s + interval_s
+            self._due_s[key] = next_s if next_s > now_s else now_s + interval_s
             if not math.isinf(interval_s):
                 due.append(stream)
         return due
