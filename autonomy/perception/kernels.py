@@ -138,7 +138,7 @@ def _clear_along(slot, points, evidence, born, cell_of, counters, params, x, y, 
     steep = abs(ux) >= abs(uy)
     main, other, um, uo = (x, y, ux, uy) if steep else (y, x, uy, ux)
     near = params[P_CLEAR]
-    band = near / abs(um) + 1.5  # a cell's point may lie anywhere in it, and so may the ray
+    band = near / abs(um) + 0.5  # the ray drifts at most half a cell aside within half a row
     end = main + length * um
     for row in range(math.floor(min(main, end) - near), math.floor(max(main, end) + near) + 1):
         mid = other + (row + 0.5 - main) / um * uo

@@ -3,7 +3,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from autonomy.config import MapConfig
@@ -130,6 +130,22 @@ def test_a_ray_clears_only_what_lies_near_it_and_well_before_its_end() -> None:
     assert len(obstacles.hits()) == 1
     obstacles.update(1.4, (ray(1.4, 2.0, 1.0, RayKind.FREE, beam=4),))  # 1.7 cm aside
     assert len(obstacles.hits()) == 0
+
+
+@given(st.floats(-180.0, 180.0), st.floats(-0.1, 1.0), st.floats(-0.04, 0.04))
+@settings(deadline=None, max_examples=200)
+def test_a_ray_of_any_bearing_clears_just_what_lies_within_2_cm_of_it(
+    bearing_deg: float, ahead_m: float, aside_m: float
+) -> None:
+    assume(min(abs(abs(aside_m) - 0.02), abs(ahead_m), abs(ahead_m - 0.94)) > 1e-6)
+    bearing = math.radians(bearing_deg)
+    start = (0.137, -0.211)
+    place = along(along(start, bearing, ahead_m), bearing + math.pi / 2.0, aside_m)
+    obstacles = new_map()
+    obstacles.update(1.0, (ray(1.0, 0.0, 0.0, RayKind.HIT, place),))
+    obstacles.update(2.0, (ray(2.0, bearing_deg, 1.0, RayKind.FREE, start, 1),))
+    cleared = abs(aside_m) < 0.02 and 0.0 < ahead_m < 0.94
+    assert len(obstacles.hits()) == (0 if cleared else 1)
 
 
 def test_a_reading_that_comes_twice_or_late_is_taken_once() -> None:
