@@ -123,6 +123,8 @@ async def _fly(
         facts = await vehicle.open(config.vehicle.connect_timeout_s)
         progress.note(f"connected to {facts.autopilot} {facts.version}, system {facts.system_id}")
         route = mission.route_ned_m(await start_yaw_rad(mission, vehicle))
+        if recorder is not None:
+            recorder.route(route)
         sensors = registry.range_sensors(config.beams, vehicle, clock)
         gnss = registry.gnss(vehicle, clock)
         deadman = Deadman(config.deadman, vehicle.stop_now, vehicle.hold_now, clock)
@@ -279,8 +281,7 @@ def report_of(
         minimum_clearance_m=tally.minimum_clearance_m,
         body_radius_m=mission.config.body.radius_m,
         max_speed_m_s=tally.max_speed_m_s,
-        planning_s=tuple(tally.planning_s),
-        time_record=tally.record.summary(),
+        timing=tally.planning.record(),
         leg_kinds=tuple(tally.leg_kinds),
         guard_limits=dict(tally.guard_limits),
         late_ticks=tally.late_ticks,

@@ -17,8 +17,8 @@ from autonomy.geometry import Point, distance
 from autonomy.mission.guarded import Command, GuardedPilot
 from autonomy.mission.machine import OFFBOARD_STATES
 from autonomy.mission.sensing import Sensing
-from autonomy.model import Event, Inputs, OperatorCommand, Outcome
-from autonomy.t3drm.timing import TimeRecord
+from autonomy.model import Event, Inputs, OperatorCommand, Outcome, Plan
+from autonomy.planning_time import PlanningTime
 from hal.frames import Vector3
 from hal.interfaces import Clock, GnssReceiver, RangeSensor, Vehicle
 from hal.readings import LandedState, StatusText, VehicleFacts
@@ -54,8 +54,7 @@ class Observer(Protocol):
 class Tally:
     """What adds up over a flight and is told in its report."""
 
-    record: TimeRecord = field(default_factory=TimeRecord)
-    planning_s: list[float] = field(default_factory=list)
+    planning: PlanningTime = field(default_factory=PlanningTime)
     path_length_m: float = 0.0
     minimum_clearance_m: float | None = None
     max_speed_m_s: float = 0.0
@@ -75,10 +74,9 @@ class Tally:
         self.stops, self.replans = decision.stops, decision.replans
         self.events.extend(decision.events)
         self.guard_limits.update(command.guard.limits)
-        if decision.plan is not None:
-            self.planning_s.append(step_s)
-            self.record.replanned(step_s, len(decision.plan.obstacles))
-            for leg in getattr(decision.plan, "legs", ()):
+        self.planning.note(decision, step_s)
+        if isinstance(decision.plan, Plan):
+            for leg in decision.plan.legs:
                 if leg.kind.value not in self.leg_kinds:
                     self.leg_kinds.append(leg.kind.value)
         fused = decision.fused

@@ -6,6 +6,7 @@ import msgspec
 
 from autonomy.errors import ExitCode
 from autonomy.model import Ending
+from autonomy.t3drm.timing import TimingRecord
 from hal.frames import Vector3
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ class FlightReport(msgspec.Struct, frozen=True):
 
     `minimum_clearance_m` is from the vehicle's centre to the nearest surface: the true one from
     the simulated world when `clearance_is_true`, else the nearest mapped hit.
-    `planning_s` is the computing time of each replan (Algorithm 1's record).
+    `timing` is Algorithm 1's record: the computing time of each replan.
     """
 
     ending: Ending
@@ -67,8 +68,7 @@ class FlightReport(msgspec.Struct, frozen=True):
     clearance_is_true: bool = False
     body_radius_m: float = 0.15
     max_speed_m_s: float = 0.0
-    planning_s: tuple[float, ...] = ()
-    time_record: str = ""
+    timing: TimingRecord | None = None
     leg_kinds: tuple[str, ...] = ()
     """The kinds of legs that were flown, in the order of their first use."""
     guard_limits: dict[str, int] = msgspec.field(default_factory=dict)
@@ -109,8 +109,8 @@ def _rows(report: FlightReport) -> list[tuple[str, str]]:
         ("top speed", f"{report.max_speed_m_s:.2f} m/s"),
         ("stops, replans", f"{report.stops}, {report.replans}"),
     ]
-    if report.planning_s:
-        rows.append(("planning", _planning(report.planning_s)))
+    if report.timing is not None and report.timing.replans:
+        rows.append(("planning", _planning(report.timing)))
     if report.leg_kinds:
         rows.append(("legs", ", ".join(report.leg_kinds)))
     if report.guard_limits:
@@ -145,9 +145,12 @@ def _clearance(report: FlightReport) -> str:
     )
 
 
-def _planning(planning_s: tuple[float, ...]) -> str:
-    ordered = sorted(planning_s)
-    return (
-        f"{sum(ordered) * 1e3:.1f} ms in {len(ordered)} plans, median "
-        f"{ordered[len(ordered) // 2] * 1e3:.2f} ms, longest {ordered[-1] * 1e3:.2f} ms"
+def _planning(timing: TimingRecord) -> str:
+    """Algorithm 1's totals, and the last radius of Eq. 8 or 9."""
+    ordered = sorted(replan.seconds for replan in timing.replans)
+    text = (
+        f"{timing.total_s * 1e3:.1f} ms in {len(ordered)} plans, least {ordered[0] * 1e3:.2f}, "
+        f"median {ordered[len(ordered) // 2] * 1e3:.2f}, longest {ordered[-1] * 1e3:.2f} ms"
     )
+    radii = [replan.radius_m for replan in timing.replans if replan.radius_m is not None]
+    return text + (f"; Eq. 8/9 radius {radii[-1]:.3f} m" if radii else "")

@@ -14,7 +14,8 @@ from autonomy.config import Config
 from autonomy.geometry import Point, distance
 from autonomy.mission.guarded import Command, GuardedPilot
 from autonomy.model import Inputs, MissionState, OperatorCommand, Outcome
-from autonomy.t3drm.timing import TimeRecord
+from autonomy.planning_time import PlanningTime
+from autonomy.t3drm.timing import TimingRecord
 from hal.clock import SimClock
 from hal.frames import Vector3
 from hal.setpoints import Reply
@@ -45,7 +46,7 @@ class SimulatedFlight:
     max_speed_m_s: float
     simulated_s: float
     wall_s: float
-    time_record: TimeRecord
+    timing: TimingRecord | None
     track: list[Point] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
 
@@ -153,7 +154,7 @@ class _Book:
         self._collided = False
         self._max_speed_m_s = 0.0
         self._length_m = 0.0
-        self._record = TimeRecord()
+        self._planning = PlanningTime()
         self._error_m = float("inf")
         self._last_s = 0.0
         self.track: list[Point] = []
@@ -164,8 +165,7 @@ class _Book:
         truth = simulation.vehicle.truth()
         decision = command.decision
         self._last_s = decision.now_s
-        if decision.plan is not None:
-            self._record.replanned(step_s, len(decision.plan.obstacles))
+        self._planning.note(decision, step_s)
         if -truth.position_ned_m[2] < 0.1:
             return
         if self._airborne_from_s is None:
@@ -204,7 +204,7 @@ class _Book:
             max_speed_m_s=self._max_speed_m_s,
             simulated_s=self._last_s,
             wall_s=wall_s,
-            time_record=self._record,
+            timing=self._planning.record(),
             track=self.track,
             commands=self.commands,
         )

@@ -42,7 +42,7 @@ from autonomy.model import (
     Plan,
 )
 from autonomy.t3drm.planner import Planner, violated
-from autonomy.t3drm.speed import speed_for_clearance
+from autonomy.t3drm.speed import speed_limit_m_s
 from hal.frames import Vector3, horizontal_norm
 from hal.interfaces import SeenSpace
 from hal.readings import FlightMode, LandedState
@@ -301,13 +301,16 @@ class Pilot:
         velocity = (fused.velocity_ned_m_s[0], fused.velocity_ned_m_s[1])
         direction = carrot_direction(self._path, fused.point, velocity, guidance)
         nearest = self._sensing.map.nearest_hit(fused.position_ned_m, _CLEARANCE_LIMIT_M)
-        clearance_m, receding = _CLEARANCE_LIMIT_M, True
+        clearance_m, closing = math.inf, 0.0
         if nearest is not None:
             clearance_m = nearest[0]
-            receding = (
-                direction[0] * math.cos(nearest[1]) + direction[1] * math.sin(nearest[1]) < 0.0
-            )
-        tick.speed_limit_m_s = speed_for_clearance(clearance_m, guidance, receding=receding)
+            closing = direction[0] * math.cos(nearest[1]) + direction[1] * math.sin(nearest[1])
+        tick.speed_limit_m_s = speed_limit_m_s(
+            clearance_m,
+            -closing * guidance.speed_max_m_s,
+            guidance,
+            self._config.beams.max_m,
+        )
         speed_m_s = arrival_speed(self._path.remaining_m, tick.speed_limit_m_s)
         north, east = push_away(
             (direction[0] * speed_m_s, direction[1] * speed_m_s), nearest, guidance

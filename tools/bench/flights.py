@@ -52,7 +52,7 @@ def fly(scenario_name: str, seed: int, mode: str) -> Row:
         flight.final_error_m,
         flight.simulated_s,
         flight.wall_s,
-        flight.time_record.replans_s,
+        tuple(r.seconds for r in flight.timing.replans) if flight.timing else (),
     )
 
 
