@@ -1,8 +1,8 @@
 """Geodesic of the metric g = I / v(x)^2 on a local grid: the fallback of both navigations.
 
-v is the speed that Table 2 allows; with v = v_max outside every keep-out and 0 inside, geodesics are
-shortest paths. Unknown space is free. Cells say where to look; what is flown is checked against the
-hit points themselves.
+v is the speed that Table 2 allows; with v = v_max outside every keep-out and 0 inside, geodesics
+are shortest paths. Unknown space is free. Cells say where to look; what is flown is checked
+against the hit points themselves.
 """
 
 import math

@@ -2,8 +2,8 @@
 
 One decision for the whole component: from D its outline has two silhouettes, for each side a
 support vertex V. The way past it is the conic with its focus at V, the keep-out radius as periapsis
-(Eq. 4 gives its growth), through D and G: p/r = 1 + e cos(theta - omega), p = r_p (1 + e). For e > 1
-it is the paper's hyperbola; its point P is the periapsis.
+(Eq. 4 gives its growth), through D and G: p/r = 1 + e cos(theta - omega), p = r_p (1 + e). For
+e > 1 it is the paper's hyperbola; its point P is the periapsis.
 """
 
 import math

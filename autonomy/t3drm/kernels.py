@@ -258,7 +258,7 @@ def sparse_chain(
 
 @kernel
 def _turn(o: Floats, a: Floats, b: Floats) -> float:
-    return (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
+    return float((a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]))
 
 
 @kernel
@@ -412,7 +412,7 @@ def _crosses(a: Floats, cn: float, ce: float, dn: float, de: float) -> bool:
     sn, se = dn - cn, de - ce
     first = sn * (a[1] - ce) - se * (a[0] - cn)
     second = sn * (a[3] - ce) - se * (a[2] - cn)
-    return first * second < 0.0
+    return bool(first * second < 0.0)
 
 
 @kernel
@@ -444,7 +444,7 @@ def _overlap(circles: Floats, i: int, k: int, tolerance_m: float) -> bool:
     """True when two circles intersect, so that neither holds the other."""
     d = math.hypot(circles[k, 0] - circles[i, 0], circles[k, 1] - circles[i, 1])
     ri, rk = circles[i, 2], circles[k, 2]
-    return abs(ri - rk) + tolerance_m < d < ri + rk - tolerance_m
+    return bool(abs(ri - rk) + tolerance_m < d < ri + rk - tolerance_m)
 
 
 @kernel
@@ -577,6 +577,46 @@ def _remember(
 
 
 @kernel
+def _lay_all(
+    circles: Floats,
+    o: int,
+    at_rad: float,
+    cost: float,
+    reach: float,
+    edge: int,
+    table: Floats,
+    state: Mask,
+    came: Ints,
+    queue: tuple[Floats, Ints, int],
+) -> tuple[Floats, Ints, int]:
+    """Queue every tangent that leaves oriented circle `o` within `reach` of where it was met."""
+    keys, items, size = queue
+    side = 2 * circles.shape[0]
+    i = o >> 1
+    radius = circles[i, 2]
+    sense = -1.0 if o & 1 else 1.0
+    for o2 in range(2, side):
+        # The goal has no sense: only its even number is used.
+        if o2 >> 1 == i or o2 == 3:
+            continue
+        following = o * side + o2
+        row = table[following]
+        if state[following] == 0:
+            state[following] = 1 if _lay_tangent(circles, o, o2, row) else 2
+            row[_COST] = np.inf
+        if state[following] == 2:
+            continue
+        arc = 0.0 if i == 0 else ahead(sense, at_rad, row[_DEPART])
+        new = cost + radius * arc + row[_LENGTH]
+        if arc <= reach and new < row[_COST] - 1e-12:
+            row[_COST] = new
+            came[following] = edge
+            bound = new + math.hypot(circles[1, 0] - row[_BN], circles[1, 1] - row[_BE])
+            keys, items, size = _push(keys, items, size, bound, following)
+    return keys, items, size
+
+
+@kernel
 def solve_tangents(circles: Floats, planes: Floats) -> tuple[bool, Ints, Floats]:
     """Shortest path over common tangents and arcs: (found, chain of directed tangents, table).
 
@@ -586,63 +626,37 @@ def solve_tangents(circles: Floats, planes: Floats) -> tuple[bool, Ints, Floats]
     the straight line as bound; a tangent is checked only when it is taken from the queue, and an
     arrival that an earlier one reaches along its circle at no more cost is not expanded.
     """
-    m = circles.shape[0]
-    side = 2 * m
+    side = 2 * circles.shape[0]
     table = np.empty((side * side, 8))
     state = np.zeros(side * side, dtype=np.uint8)  # 1: laid, 2: there is none or it is blocked
     came = np.full(side * side, -1, dtype=np.int64)
     bars, bar_counts = _barred_bearings(circles, planes)
     arrivals = np.empty((side, 8, 3))
     arrival_counts = np.zeros(side, dtype=np.int64)
-    keys = np.empty(256)
-    items = np.empty(256, dtype=np.int64)
-    size = 0
-    goal_n, goal_e = circles[1, 0], circles[1, 1]
-    edge, o, at_rad, cost, reach = -1, 0, 0.0, 0.0, TAU
-    while True:
+    queue = (np.empty(256), np.empty(256, dtype=np.int64), 0)
+    queue = _lay_all(circles, 0, 0.0, 0.0, TAU, -1, table, state, came, queue)
+    while queue[2] > 0:
+        keys, items, size = queue
+        edge = items[0]
+        _sift_down(keys, items, size - 1)
+        queue = (keys, items, size - 1)
+        if state[edge] == 2:
+            continue
+        row = table[edge]
+        o = edge % side
         i = o >> 1
-        radius = circles[i, 2]
-        sense = -1.0 if o & 1 else 1.0
-        for o2 in range(2, side):
-            # The goal has no sense: only its even number is used.
-            if o2 >> 1 == i or o2 == 3:
-                continue
-            following = o * side + o2
-            if state[following] == 0:
-                laid = _lay_tangent(circles, o, o2, table[following])
-                state[following] = 1 if laid else 2
-                table[following, _COST] = np.inf
-            if state[following] == 2:
-                continue
-            row = table[following]
-            arc = 0.0 if i == 0 else ahead(sense, at_rad, row[_DEPART])
-            new = cost + radius * arc + row[_LENGTH]
-            if arc <= reach and new < row[_COST] - 1e-12:
-                row[_COST] = new
-                came[following] = edge
-                bound = new + math.hypot(goal_n - row[_BN], goal_e - row[_BE])
-                keys, items, size = _push(keys, items, size, bound, following)
-        while True:
-            if size == 0:
-                return False, np.empty(0, dtype=np.int64), table
-            edge = items[0]
-            size -= 1
-            _sift_down(keys, items, size)
-            if state[edge] == 2:
-                continue
-            row = table[edge]
-            o = edge % side
-            cost, at_rad = row[_COST], row[_ARRIVE]
-            if o != 2 and _dominated(arrivals, arrival_counts, o, circles[o >> 1, 2], at_rad, cost):
-                continue
-            if not _edge_is_free((edge // side) >> 1, o >> 1, row[_AN : _BE + 1], circles, planes):
-                state[edge] = 2
-                continue
-            break
+        cost, at_rad = row[_COST], row[_ARRIVE]
+        if o != 2 and _dominated(arrivals, arrival_counts, o, circles[i, 2], at_rad, cost):
+            continue
+        if not _edge_is_free((edge // side) >> 1, i, row[_AN : _BE + 1], circles, planes):
+            state[edge] = 2
+            continue
         if o == 2:
             return True, _chain(came, edge), table
-        reach = _reach(bars, bar_counts, o >> 1, -1.0 if o & 1 else 1.0, at_rad)
+        reach = _reach(bars, bar_counts, i, -1.0 if o & 1 else 1.0, at_rad)
         _remember(arrivals, arrival_counts, o, at_rad, cost, reach)
+        queue = _lay_all(circles, o, at_rad, cost, reach, edge, table, state, came, queue)
+    return False, np.empty(0, dtype=np.int64), table
 
 
 @kernel
@@ -695,15 +709,16 @@ def _depth(row: Floats, centres: Floats, radii: Floats, k: int) -> float:
     """How deep the path's row cuts disc k; negative: it is clear of it."""
     n, e = centres[k, 0], centres[k, 1]
     if row[ROW_DISC] < 0.0:
-        return radii[k] - math.sqrt(segment_distance2(n, e, row[0], row[1], row[2], row[3]))
+        away2 = segment_distance2(n, e, row[0], row[1], row[2], row[3])
+        return float(radii[k] - math.sqrt(away2))
     i = int(row[ROW_DISC])
     dn, de = n - centres[i, 0], e - centres[i, 1]
     sense = 1.0 if row[ROW_SWEEP] > 0.0 else -1.0
     begin = math.atan2(row[1] - centres[i, 1], row[0] - centres[i, 0])
     if ahead(sense, begin, math.atan2(de, dn)) <= abs(row[ROW_SWEEP]):
-        return radii[k] - abs(math.hypot(dn, de) - radii[i])
+        return float(radii[k] - abs(math.hypot(dn, de) - radii[i]))
     nearest = min(math.hypot(n - row[0], e - row[1]), math.hypot(n - row[2], e - row[3]))
-    return radii[k] - nearest
+    return float(radii[k] - nearest)
 
 
 @kernel
@@ -843,24 +858,24 @@ def _better_exit(
     e: float,
     cn: float,
     ce: float,
-    careful: bool,
+    careful: int,
 ) -> None:
     """Take (cn, ce) into `best` = (n, e, distance) when it is free and nearer."""
     d = math.hypot(cn - n, ce - e)
     if d >= best[2] or clearance2(near, cn, ce) < keep_out * keep_out:
         return
-    if careful and not _never_nearer(near, keep_out, n, e, cn, ce):
+    if careful == 1 and not _never_nearer(near, keep_out, n, e, cn, ce):
         return
     best[0], best[1], best[2] = cn, ce, d
 
 
 @kernel
 def nearest_exit(
-    points: Floats, keep_out: float, n: float, e: float, within: float, careful: bool
+    points: Floats, keep_out: float, n: float, e: float, within: float, careful: int
 ) -> tuple[bool, float, float]:
     """The nearest place within `within` of (n, e) that is `keep_out` from all points, exactly.
 
-    It lies on one circle straight away from its centre, or where two circles meet. `careful`:
+    It lies on one circle straight away from its centre, or where two circles meet. `careful` = 1:
     the straight way there approaches no point that is nearer than the keep-out.
     """
     radius = keep_out + CUT_M
@@ -1044,6 +1059,22 @@ def _trace(place: Floats, parent: Ints, last: int) -> Floats:
 
 
 @kernel
+def _reach_cell(
+    v: int, p: int, place: Floats, cost: Floats, parent: Ints, queue: tuple[Floats, Ints, int]
+) -> tuple[Floats, Ints, int]:
+    """Queue cell v with parent p when that is shorter than what it has (lazy: sight unchecked)."""
+    keys, items, size = queue
+    way = cost[p] + math.hypot(place[p, 0] - place[v, 0], place[p, 1] - place[v, 1])
+    if way < cost[v] - 1e-9:
+        cost[v] = way
+        parent[v] = p
+        goal = place.shape[0] - 1
+        bound = way + math.hypot(place[v, 0] - place[goal, 0], place[v, 1] - place[goal, 1])
+        return _push(keys, items, size, bound, v)
+    return keys, items, size
+
+
+@kernel
 def grid_geodesic(
     points: Floats, keep_out: float, sides: Floats, free: Mask, box: Floats, ends: Floats
 ) -> tuple[bool, Floats, Mask]:
@@ -1069,48 +1100,32 @@ def grid_geodesic(
     at_goal = np.zeros(total, dtype=np.uint8)
     for u in _near_cells(points, keep_out, sides, free, box, ends[1, 0], ends[1, 1]):
         at_goal[u] = 1
-    keys = np.empty(1024)
-    items = np.empty(1024, dtype=np.int64)
-    size = 0
     cost[start] = 0.0
+    queue = (np.empty(1024), np.empty(1024, dtype=np.int64), 0)
     for u in _near_cells(points, keep_out, sides, free, box, ends[0, 0], ends[0, 1]):
-        cost[u] = math.hypot(place[u, 0] - ends[0, 0], place[u, 1] - ends[0, 1])
-        parent[u] = start
-        bound = cost[u] + math.hypot(place[u, 0] - ends[1, 0], place[u, 1] - ends[1, 1])
-        keys, items, size = _push(keys, items, size, bound, u)
-    while size > 0:
+        queue = _reach_cell(u, start, place, cost, parent, queue)
+    while queue[2] > 0:
+        keys, items, size = queue
         u = items[0]
-        size -= 1
-        _sift_down(keys, items, size)
+        _sift_down(keys, items, size - 1)
+        queue = (keys, items, size - 1)
         if u == goal:
             return True, _trace(place, parent, goal), closed[:total].reshape(rows, columns)
         if closed[u] == 1:
             continue
         _settle(points, keep_out, sides, free, closed, place, cost, parent, u)
         closed[u] = 1
-        if at_goal[u] == 1:
-            p = parent[u]
-            v = u
-            if in_sight(points, keep_out, sides, place[p, 0], place[p, 1], ends[1, 0], ends[1, 1]):
-                v = p
-            way = cost[v] + math.hypot(place[v, 0] - ends[1, 0], place[v, 1] - ends[1, 1])
-            if way < cost[goal]:
-                cost[goal] = way
-                parent[goal] = v
-                keys, items, size = _push(keys, items, size, way, goal)
         p = parent[u]
+        if at_goal[u] == 1:
+            sees = in_sight(
+                points, keep_out, sides, place[p, 0], place[p, 1], ends[1, 0], ends[1, 1]
+            )
+            queue = _reach_cell(goal, p if sees else u, place, cost, parent, queue)
         row, column = u // columns, u % columns
         for r in range(max(0, row - 1), min(rows, row + 2)):
             for c in range(max(0, column - 1), min(columns, column + 2)):
-                v = r * columns + c
-                if free[r, c] == 0 or closed[v] == 1:
-                    continue
-                way = cost[p] + math.hypot(place[p, 0] - place[v, 0], place[p, 1] - place[v, 1])
-                if way < cost[v] - 1e-9:
-                    cost[v] = way
-                    parent[v] = p
-                    bound = way + math.hypot(place[v, 0] - ends[1, 0], place[v, 1] - ends[1, 1])
-                    keys, items, size = _push(keys, items, size, bound, v)
+                if free[r, c] == 1 and closed[r * columns + c] == 0:
+                    queue = _reach_cell(r * columns + c, p, place, cost, parent, queue)
     return False, np.empty((0, 2)), closed[:total].reshape(rows, columns)
 
 

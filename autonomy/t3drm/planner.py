@@ -51,6 +51,7 @@ from hal.config import Fence
 SPHERE_MAX_RATIO = 1.03
 """A path round the spheres of discrete obstacles may be this much longer than the one round their
 single hits. A sphere guesses the unseen back of a pillar; round a plank it only costs way."""
+CAREFUL, CARELESS = 1, 0
 ARC_SAGITTA_M = 5e-4
 EXIT_MARGIN_M = 0.05
 """How much farther than one keep-out radius the way out of a keep-out may be."""
@@ -204,7 +205,7 @@ class Planner:
         if kernels.clearance2(scene.hits, *start) >= keep_out_m * keep_out_m:
             return start
         within = keep_out_m + EXIT_MARGIN_M
-        found, north, east = kernels.nearest_exit(scene.hits, keep_out_m, *start, within, True)
+        found, north, east = kernels.nearest_exit(scene.hits, keep_out_m, *start, within, CAREFUL)
         inside = found and self.fence.inside_distance_m(north, east) >= 0.0
         return (north, east) if inside else None
 
@@ -213,7 +214,7 @@ class Planner:
         if kernels.clearance2(scene.hits, *goal) >= keep_out_m * keep_out_m:
             return goal
         found, north, east = kernels.nearest_exit(
-            scene.hits, keep_out_m, *goal, scene.tolerance_m, False
+            scene.hits, keep_out_m, *goal, scene.tolerance_m, CARELESS
         )
         inside = found and self.fence.inside_distance_m(north, east) >= 0.0
         return (north, east) if inside else None
@@ -253,6 +254,9 @@ class Planner:
                 return legs, (_join(tangents),)
             if self._is_sound(scene, keep_out, tangents):
                 return tangents, ()
+        elif route.reason is NoRouteReason.CLOSED:
+            # Proven by the discs themselves; the fence could only close more.
+            return Failure.CLOSED
         return self._over_the_grid(scene, level, start, goal)
 
     def _is_sound(self, scene: Scene, keep_out_m: float, legs: tuple[Leg, ...]) -> bool:

@@ -93,10 +93,10 @@ def normalised_flow(radius_m: float, volume_rate: float, n: int = 3) -> float:
     2(n-1) d(1/r^2) g = -4(n-1) dr / r^3 g; w is the volume of the unit n-ball. A growing free
     sphere gives a negative factor, a shrinking one a positive factor: the sign pairs of Table 2.
     """
-    unit_ball = math.pi ** (n / 2) / math.gamma(n / 2 + 1)
+    unit_ball: float = math.pi ** (n / 2) / math.gamma(n / 2 + 1)
     radius_rate = volume_rate / (n * unit_ball * radius_m ** (n - 1))
     # + 0.0: a constant volume gives zero, never minus zero.
-    return -4.0 * (n - 1) * radius_rate / radius_m**3 + 0.0
+    return float(-4.0 * (n - 1) * radius_rate / radius_m**3 + 0.0)
 
 
 def normalised_flow_signs(radius_m: float, volume_rate: float, n: int = 3) -> Point:

@@ -1,8 +1,8 @@
 """Table 2: the speed from the volume of the free sphere around the drone and its rate.
 
-The table itself is `decide`. The loop flies `speed_limit_m_s`: taken literally, the table's third
-row would stop the drone for ever wherever its clearance does not change, so 0 is kept for what is
-blocked or not seen, and a constant volume gets the speed that goes with the volume.
+The table itself is `decide`. The loop flies `speed_for_clearance`: taken literally, the table's
+third row would stop the drone for ever wherever its clearance does not change, so 0 is kept for
+what is blocked or not seen, and a constant volume gets the speed that goes with the volume.
 """
 
 import math
@@ -46,28 +46,29 @@ def decide(volume: float, volume_rate: float, dead_band: float = 0.0) -> SpeedDe
     return SpeedDecision.ZERO
 
 
-def speed_limit_m_s(
-    clearance_m: float,
-    clearance_rate_m_s: float,
-    config: GuidanceConfig,
-    range_max_m: float = 1.0,
-    *,
-    seen_free: bool = True,
+def speed_for_clearance(
+    clearance_m: float, config: GuidanceConfig, *, receding: bool = False, seen_free: bool = True
 ) -> float:
-    """The loop's speed: Table 2 with the speed growing with the free sphere.
+    """The loop's speed in m/s: Table 2, with the speed growing with the free sphere.
 
-    Not seen free: 0. Moving away from everything near (dV over the dead band), or clear by
-    `slow_below_m`: maximum. Else linear in the clearance from the minimum at `slowest_at_m` to the
-    maximum at `slow_below_m`. clearance_m is from the vehicle's centre, inf when nothing is near.
+    Not seen free: 0. Receding from what is near (dV > 0), or clear of it by `slow_below_m`:
+    maximum. Else linear in the clearance from the minimum at `slowest_at_m` to the maximum at
+    `slow_below_m`. clearance_m is measured from the vehicle's centre, inf when nothing is near.
     """
     if not seen_free or math.isnan(clearance_m):
         return 0.0
-    if clearance_m >= config.slow_below_m:
-        return config.speed_max_m_s
-    volume = free_volume_m3(clearance_m, range_max_m)
-    rate = volume_rate_per_s(clearance_m, clearance_rate_m_s, range_max_m)
-    if decide(volume, rate, config.volume_rate_dead_band) is SpeedDecision.MAXIMUM:
+    if receding or clearance_m >= config.slow_below_m:
         return config.speed_max_m_s
     share = (clearance_m - config.slowest_at_m) / (config.slow_below_m - config.slowest_at_m)
     rise = config.speed_max_m_s - config.speed_min_m_s
     return config.speed_min_m_s + max(0.0, share) * rise
+
+
+def speed_limit_m_s(
+    clearance_m: float, clearance_rate_m_s: float, config: GuidanceConfig, range_max_m: float = 1.0
+) -> float:
+    """`speed_for_clearance` with receding read off Table 2: dV/dt over the dead band."""
+    volume = free_volume_m3(clearance_m, range_max_m)
+    rate = volume_rate_per_s(clearance_m, clearance_rate_m_s, range_max_m)
+    decision = decide(volume, rate, config.volume_rate_dead_band)
+    return speed_for_clearance(clearance_m, config, receding=decision is SpeedDecision.MAXIMUM)
