@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from autonomy.errors import AutonomyError, ExitCode
+from autonomy.service import commands as service_commands
 from hal.errors import ConnectionFailed, HalError, LinkLost, PortInUse, WrongAutopilot
 
 if TYPE_CHECKING:
@@ -362,6 +363,63 @@ def check(
     bad = sum(not finding.good for finding in findings)
     click.echo(f"{bad} to mend" if bad else "ready")
     context.exit(int(ExitCode.PREFLIGHT_REFUSED if bad else ExitCode.GOAL_REACHED))
+
+
+@main.command()
+@click.option(
+    "--sim",
+    "scenario",
+    is_flag=False,
+    flag_value="default",
+    metavar="[SCENARIO]",
+    help="Serve the embedded vehicle in a simulated world: a shipped name or a YAML file.",
+)
+@click.option("--connection", metavar="URL", help="The vehicle, as in udpin://0.0.0.0:14540.")
+@click.option("--config", "config_path", type=_EXISTING, help="Configuration file (YAML).")
+@click.option("--host", metavar="ADDRESS", help="Where to listen; beyond loopback a token is due.")
+@click.option("--port", type=click.IntRange(0, 65535), help="0 for any free one.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, help="Of the simulated world.")
+@click.option("--log-dir", metavar="DIR", help="Where flight logs go.")
+@click.pass_context
+def serve(
+    context: click.Context,
+    *,
+    scenario: str | None,
+    connection: str | None,
+    config_path: str | None,
+    host: str | None,
+    port: int | None,
+    seed: int,
+    log_dir: str | None,
+) -> None:
+    """Wait for a vehicle and fly the missions that come over HTTP; show it all on a page.
+
+    The page is at http://127.0.0.1:8042. SIGTERM or Ctrl-C stops, holds, lands and ends.
+    """
+    if scenario is not None and connection is not None:
+        raise click.UsageError("--sim and --connection exclude each other: simulated or real?")
+    try:
+        from autonomy import serving
+    except ModuleNotFoundError as error:
+        raise click.UsageError(
+            f"{error.name} is not installed; the service needs: pip install 'autonomy[service]'"
+        ) from None
+    context.exit(
+        serving.serve(
+            serving.ServeOptions(
+                config_path=config_path,
+                scenario=scenario,
+                connection=connection,
+                seed=seed,
+                host=host,
+                port=port,
+                log_dir=log_dir,
+            )
+        )
+    )
+
+
+service_commands.register(main)
 
 
 def _config(path: str | None) -> "Config":

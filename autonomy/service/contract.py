@@ -1,0 +1,216 @@
+"""What goes over the service's wire: orders in, states and changes out. Version 1.
+
+Coordinates are north, east in the service's frame: NED about the place where the first mission of
+this vehicle was armed (before that: where it stands). Lengths in m, times in s, angles in rad.
+"""
+
+from enum import StrEnum
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from autonomy.geometry import Point
+
+Coordinate = Annotated[float, Meta(ge=-1000.0, le=1000.0)]
+GoalNE = Annotated[list[Coordinate], Meta(min_length=2, max_length=3)]
+
+GOALS_MAX = 32
+
+
+class MissionOrder(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A mission as asked for. A goal is [x, y] or [x, y, z] in `frame`; z as in `autonomy fly`."""
+
+    goals: Annotated[tuple[GoalNE, ...], Meta(min_length=1, max_length=GOALS_MAX)]
+    frame: Literal["ned", "enu", "body"] = "ned"
+    altitude_m: Annotated[float, Meta(gt=0.0, le=100.0)] | None = None
+    land: bool | None = None
+    time_limit_s: Annotated[float, Meta(gt=0.0, le=86400.0)] | None = None
+    mode: Literal["stop", "rolling"] | None = None
+
+
+class MissionStatus(StrEnum):
+    """Where a mission is in its life."""
+
+    QUEUED = "queued"
+    FLYING = "flying"
+    DONE = "done"
+    REFUSED = "refused"  # refused after it was queued, before anything moved
+    CANCELLED = "cancelled"  # taken back before anything moved
+
+
+class MissionRecord(msgspec.Struct, frozen=True):
+    """One mission of this service since it started. `report` is there when it is done."""
+
+    id: str
+    order: MissionOrder
+    status: MissionStatus
+    created_utc: str
+    why: str = ""
+    ending: str | None = None
+    exit_code: int | None = None
+    report: msgspec.Raw | None = None
+    log: str | None = None
+    """Name of its flight log under /v1/logs."""
+
+    @property
+    def over(self) -> bool:
+        """True when nothing about it will change."""
+        return self.status not in (MissionStatus.QUEUED, MissionStatus.FLYING)
+
+
+class Phase(StrEnum):
+    """What the service is doing."""
+
+    WAITING = "waiting"  # for a vehicle; `why` says for which
+    READY = "ready"  # a vehicle is there, nothing is flown
+    FLYING = "flying"
+    STOPPING = "stopping"
+
+
+class BeamView(msgspec.Struct, frozen=True):
+    """One beam as people see it. `origin` and `bearing_rad` are None for vertical beams."""
+
+    name: str
+    health: str
+    """ok, silent, doubted, no signal, not heard yet."""
+    sees: str
+    """hit, clear, too near, nothing."""
+    range_m: float | None
+    max_m: float
+    age_s: float | None
+    origin: Point | None = None
+    bearing_rad: float | None = None
+
+
+class VehicleView(msgspec.Struct, frozen=True):
+    """The vehicle as far as it is known."""
+
+    position: Point
+    height_m: float
+    yaw_rad: float
+    velocity: Point
+    speed_m_s: float
+    position_ok: bool
+    why_not_ok: str
+    mode: str
+    armed: bool
+    landed: str
+    battery: float | None
+    link_age_s: float
+
+
+class GuardView(msgspec.Struct, frozen=True):
+    """What the guard allowed in the newest tick."""
+
+    limits: tuple[str, ...]
+    speed_limit_m_s: float
+    free_distance_m: float
+
+
+class FlightView(msgspec.Struct, frozen=True):
+    """The mission being flown, or the last one."""
+
+    mission: str
+    state: str
+    goals: tuple[Point, ...]
+    distance_to_go_m: float
+    clearance_m: float
+    speed_limit_m_s: float
+    stops: int
+    replans: int
+
+
+class State(msgspec.Struct, frozen=True, tag="state"):
+    """Sent at the stream's rate, and the answer of GET /v1/state."""
+
+    time_s: float
+    """The service's monotonic clock."""
+    phase: Phase
+    why: str
+    """One sentence: what it waits for, or the reason of the last change."""
+    vehicle: VehicleView | None
+    beams: tuple[BeamView, ...]
+    guard: GuardView | None
+    flight: FlightView | None
+
+
+class Room(msgspec.Struct, frozen=True, tag="room"):
+    """What does not change in a flight."""
+
+    fence: tuple[Point, ...]
+    body_radius_m: float
+    beam_max_m: float
+    speed_max_m_s: float
+    altitude_m: float
+    scenario: str | None
+    token_required: bool
+
+
+class Hits(msgspec.Struct, frozen=True, tag="hits"):
+    """All known hits; replaces what was sent before."""
+
+    points: list[Point]
+
+
+class ObstacleView(msgspec.Struct, frozen=True):
+    """One obstacle with its keep-out circle (radius about the centre)."""
+
+    kind: str
+    centre: Point
+    radius_m: float
+    hull: tuple[Point, ...]
+
+
+class LegView(msgspec.Struct, frozen=True):
+    """One piece of the path."""
+
+    kind: str
+    points: tuple[Point, ...]
+
+
+class PlanView(msgspec.Struct, frozen=True, tag="plan"):
+    """The newest plan; `evidence` is what bars the way when there is none."""
+
+    found: bool
+    why: str
+    environment: str
+    keep_out_m: float
+    legs: tuple[LegView, ...]
+    rejected: tuple[tuple[Point, ...], ...]
+    obstacles: tuple[ObstacleView, ...]
+    evidence: tuple[Point, ...] = ()
+
+
+class Track(msgspec.Struct, frozen=True, tag="track"):
+    """The path flown; `start` is the index of the first point, 0 begins anew."""
+
+    start: int
+    points: list[Point]
+
+
+class EventView(msgspec.Struct, frozen=True, tag="event"):
+    """One thing worth telling a person, numbered without gaps."""
+
+    number: int
+    time_utc: str
+    name: str
+    why: str
+
+
+Message = State | Room | Hits | PlanView | Track | EventView
+
+
+class Problem(msgspec.Struct, frozen=True):
+    """Why something was refused: one sentence with what to do."""
+
+    error: str
+
+
+class LogFile(msgspec.Struct, frozen=True):
+    """One flight log; `report` is the flight's report when the service flew it."""
+
+    name: str
+    size_bytes: int
+    modified_utc: str
+    report: msgspec.Raw | None = None

@@ -1,0 +1,170 @@
+"""One pilot: a vehicle's endpoint is locked by whoever flies it, and the lock names its holder.
+
+The lock is a `flock` on a file, so it ends with its process, however that ends. A user who may
+only read the file can take the lock all the same; it has no name in it then.
+"""
+
+import fcntl
+import os
+import re
+import stat
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import msgspec
+
+from autonomy.errors import BadInput
+
+SYSTEM_FOLDER = Path("/run/autonomy")
+"""Made by the systemd unit (RuntimeDirectory); every pilot of the machine meets here."""
+
+_SERIAL = re.compile(r"^serial:/*(.*?)(?::\d+)?$")
+_ADDRESS = re.compile(r"^(\w+?)(in|out)?://([^:/]*)(?::(\d+))?/?$")
+_HOLDER_BYTES = 4096
+
+
+class Holder(msgspec.Struct, frozen=True):
+    """Who has the vehicle. `api` is where it can be talked to, None for one that only flies."""
+
+    what: str
+    pid: int
+    since_utc: str
+    api: str | None = None
+
+    def __str__(self) -> str:
+        where = f" at {self.api}" if self.api is not None else ""
+        return f"{self.what} (process {self.pid}, since {self.since_utc}){where}"
+
+
+class VehicleHeld(BadInput):
+    """Another process flies this vehicle; `holder` is who, None when it left no name."""
+
+    def __init__(self, connection: str, holder: Holder | None) -> None:
+        self.holder = holder
+        who = str(holder) if holder is not None else "another process"
+        super().__init__(
+            f"the vehicle on {connection} is held by {who}; one pilot at a time: stop that one, "
+            "or give the mission to it"
+        )
+
+
+def endpoint(connection: str) -> str:
+    """What two URLs of one endpoint have in common: the local UDP port, the host, the device.
+
+    One vehicle that is reached over two endpoints (a serial line and a router's port) has two.
+    """
+    serial = _SERIAL.match(connection)
+    address = _ADDRESS.match(connection)
+    if serial is not None:
+        name = f"serial-{serial[1]}"
+    elif address is not None and (address[1], address[2]) == ("udp", "in"):
+        name = f"udpin-{address[4] or '14540'}"
+    else:
+        name = connection
+    return re.sub(r"[^A-Za-z0-9.-]+", "_", name)
+
+
+def lock_folder() -> Path:
+    """Where locks are: the service's runtime folder where there is one, else the temporary one."""
+    return SYSTEM_FOLDER if SYSTEM_FOLDER.is_dir() else Path(tempfile.gettempdir())
+
+
+class VehicleLock:
+    """A context that holds the vehicle on `connection`; entering raises VehicleHeld."""
+
+    def __init__(self, connection: str, holder: Holder, folder: Path | None = None) -> None:
+        self._connection = connection
+        self._holder = holder
+        self.path = (folder or lock_folder()) / f"autonomy-pilot-{endpoint(connection)}.lock"
+        self._descriptor: int | None = None
+
+    def __enter__(self) -> Self:
+        """Take it. Raises VehicleHeld, or BadInput when the file cannot be used."""
+        descriptor, writable = _open(self.path)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = _read_holder(descriptor)
+            os.close(descriptor)
+            raise VehicleHeld(self._connection, holder) from None
+        self._descriptor = descriptor
+        if writable:
+            self._write(self._holder)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Let go. The file stays: removing it would let two processes lock two files."""
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+    def reachable_at(self, api: str) -> None:
+        """Tell others where the holder can be talked to."""
+        self._write(msgspec.structs.replace(self._holder, api=api))
+
+    def _write(self, holder: Holder) -> None:
+        if self._descriptor is None:
+            raise ValueError("the lock is not held")
+        data = msgspec.json.encode(holder)
+        try:
+            os.pwrite(self._descriptor, data, 0)
+            os.ftruncate(self._descriptor, len(data))
+        except OSError:
+            # A lock without a name in it still locks (read-only file, full disk).
+            return
+
+
+def holder_of(connection: str, folder: Path | None = None) -> Holder | None:
+    """Who holds the vehicle on `connection` now; None when nobody does, or left no name."""
+    path = (folder or lock_folder()) / f"autonomy-pilot-{endpoint(connection)}.lock"
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return _read_holder(descriptor)
+    else:
+        return None
+    finally:
+        os.close(descriptor)
+
+
+def _open(path: Path) -> tuple[int, bool]:
+    """(descriptor, writable) of the lock file, made when missing; raises BadInput."""
+    flags = os.O_CLOEXEC | os.O_NOFOLLOW
+    try:
+        descriptor, writable = os.open(path, os.O_RDWR | os.O_CREAT | flags, 0o644), True
+    except PermissionError:
+        try:
+            # Somebody else's file: sticky folders forbid O_CREAT on it, reading is enough.
+            descriptor, writable = os.open(path, os.O_RDONLY | flags), False
+        except OSError as error:
+            raise _unusable(path, error) from None
+    except OSError as error:
+        raise _unusable(path, error) from None
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise BadInput(f"{path}: is not a plain file; remove it, the pilot's lock belongs there")
+    return descriptor, writable
+
+
+def _unusable(path: Path, error: OSError) -> BadInput:
+    return BadInput(
+        f"{path}: the lock that keeps a second pilot away cannot be opened ({error.strerror})"
+    )
+
+
+def _read_holder(descriptor: int) -> Holder | None:
+    try:
+        return msgspec.json.decode(os.pread(descriptor, _HOLDER_BYTES, 0), type=Holder)
+    except (msgspec.DecodeError, OSError):
+        return None

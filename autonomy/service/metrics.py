@@ -1,0 +1,154 @@
+"""What Prometheus may read at /metrics. Counting costs the control loop a few microseconds."""
+
+import math
+from collections.abc import Iterator
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+from prometheus_client.core import GaugeMetricFamily, InfoMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from autonomy import __version__
+from autonomy.model import Command, Inputs, MissionState
+from autonomy.service.contract import MissionRecord, Phase
+from autonomy.service.station import Station
+from hal.readings import RangeStatus
+
+CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+_LAG_BUCKETS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25, 0.5)
+_STEP_BUCKETS = (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05)
+_PLAN_BUCKETS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
+
+
+class Metrics:
+    """One registry of its own. `tick` and `flown` belong to the control side, `text` to the web."""
+
+    def __init__(self, station: Station) -> None:
+        self._registry = CollectorRegistry()
+        registry = self._registry
+        self._period_s = 1.0 / station.config.control.rate_hz
+        self._last_s: float | None = None
+        self._lag = Histogram(
+            "autonomy_loop_lag_seconds",
+            "How late a tick of the control loop began.",
+            buckets=_LAG_BUCKETS,
+            registry=registry,
+        )
+        self._step = Histogram(
+            "autonomy_step_seconds",
+            "Computing time of one tick.",
+            buckets=_STEP_BUCKETS,
+            registry=registry,
+        )
+        self._plan = Histogram(
+            "autonomy_plan_step_seconds",
+            "Computing time of a tick that planned.",
+            buckets=_PLAN_BUCKETS,
+            registry=registry,
+        )
+        self._readings = Counter(
+            "autonomy_beam_readings",
+            "Readings of a beam by their status.",
+            ["beam", "status"],
+            registry=registry,
+        )
+        self._limits = Counter(
+            "autonomy_guard_interventions",
+            "Ticks in which a rule of the guard changed the setpoint.",
+            ["limit"],
+            registry=registry,
+        )
+        self._states = Counter(
+            "autonomy_mission_states",
+            "How often a mission entered a state.",
+            ["state"],
+            registry=registry,
+        )
+        self._missions = Counter(
+            "autonomy_missions", "Missions by their ending.", ["ending"], registry=registry
+        )
+        self._clearance = Histogram(
+            "autonomy_clearance_metres",
+            "Distance from the vehicle's centre to the nearest known hit, at each tick in flight.",
+            buckets=(0.15, 0.17, 0.185, 0.2, 0.25, 0.3, 0.4, 0.6, 0.8, 1.0),
+            registry=registry,
+        )
+        self.streams = Gauge("autonomy_streams", "Open state streams.", registry=registry)
+        registry.register(_Newest(station))
+
+    def tick(self, inputs: Inputs, command: Command, step_s: float) -> None:
+        """One tick of a flight."""
+        decision = command.decision
+        if self._last_s is not None:
+            self._lag.observe(max(0.0, inputs.now_s - self._last_s - self._period_s))
+        self._last_s = inputs.now_s
+        self._step.observe(step_s)
+        if decision.plan is not None:
+            self._plan.observe(step_s)
+        for reading in inputs.ranges:
+            self._readings.labels(reading.beam, _STATUS_WORDS[reading.status]).inc()
+        for limit in command.guard.limits:
+            self._limits.labels(limit).inc()
+        if command.setpoint is not None:
+            self._clearance.observe(decision.clearance_m)
+        for event in decision.events:
+            if event.name in _STATE_NAMES:
+                self._states.labels(event.name).inc()
+
+    def flown(self, record: MissionRecord) -> None:
+        """A mission is over; the next tick is not late for the last one."""
+        self._last_s = None
+        self._missions.labels(record.ending or record.status.value).inc()
+
+    def text(self) -> bytes:
+        """Everything in Prometheus' text format."""
+        return generate_latest(self._registry)
+
+
+_STATUS_WORDS = {status: status.value for status in RangeStatus}
+_STATE_NAMES = frozenset(state.value for state in MissionState)
+
+
+class _Newest(Collector):
+    """Gauges that are looked up when somebody asks."""
+
+    def __init__(self, station: Station) -> None:
+        self._station = station
+
+    def collect(self) -> Iterator[Metric]:
+        """The newest values; what is not known is left out, never written as zero."""
+        yield InfoMetricFamily("autonomy", "This program.", value={"version": __version__})
+        station = self._station
+        phase = GaugeMetricFamily("autonomy_phase", "1 for what it is doing.", labels=["phase"])
+        for one in Phase:
+            phase.add_metric([one.value], float(one is station.phase))
+        yield phase
+        instant = station.instant
+        if instant is None:
+            return
+        status = instant.status
+        if math.isfinite(status.link_age_s):
+            yield _gauge("autonomy_link_age_seconds", "Silence of the link.", status.link_age_s)
+        if status.battery_remaining is not None:
+            yield _gauge("autonomy_battery_ratio", "What is left.", status.battery_remaining)
+        yield _gauge("autonomy_armed", "1 while armed.", float(status.armed))
+        ages = GaugeMetricFamily(
+            "autonomy_beam_age_seconds", "Age of the newest reading.", labels=["beam"]
+        )
+        for name, reading in instant.readings.items():
+            ages.add_metric([name], max(0.0, instant.now_s - reading.stamp_s))
+        yield ages
+        command = instant.command
+        if command is None:
+            return
+        decision = command.decision
+        yield _gauge("autonomy_stops", "Stops of this flight.", decision.stops)
+        yield _gauge("autonomy_replans", "Replans of this flight.", decision.replans)
+        if decision.fused is not None:
+            sigma_m = decision.fused.position_sigma_m
+            if math.isfinite(sigma_m):
+                yield _gauge("autonomy_position_sigma_metres", "Of the estimate.", sigma_m)
+            yield _gauge("autonomy_position_ok", "1 when it may be flown by.", decision.fused.ok)
+
+
+def _gauge(name: str, text: str, value: float) -> Metric:
+    return GaugeMetricFamily(name, text, value=float(value))
