@@ -446,15 +446,13 @@ class Autopilot:
 
     def _enter(self, mode: Mode) -> None:
         """Take over from the mode before: where to stop, how high to climb."""
-        previous, self._entered = self._entered, mode
+        self._entered = mode
         here, moving = self.estimated_position_ned_m, self.estimated_velocity_ned_m_s
         self._braking = Braking.plan(
             self._now_s, here, moving, float(self.parameters["MPC_JERK_AUTO"])
         )
         self._hold_yaw_rad = wrap_pi(self.estimated_yaw_rad + 0.4 * self.quadrotor.yaw_rate_rad_s)
         self._vertical_sp_m_s = moving[2] if self._airborne else 0.0
-        if mode is Mode.HOLD and previous is not Mode.TAKEOFF:
-            self._climb_to_m = None
         if mode is Mode.RETURN:
             self._plan_return(here)
 
@@ -478,7 +476,7 @@ class Autopilot:
         if mode is Mode.OFFBOARD:
             return self._offboard_command()
         if mode is Mode.LAND:
-            return self._descend(dt_s, self._braking)
+            return self._descend(dt_s)
         if mode is Mode.RETURN:
             return self._return(dt_s)
         if mode is Mode.TAKEOFF:
@@ -534,7 +532,7 @@ class Autopilot:
             self._entered = Mode.HOLD
         return self._locked(self._slew(self._climb_rate(to_go), _CLIMB_SLEW_M_S2, dt_s))
 
-    def _descend(self, dt_s: float, _stop: Braking) -> Command:
+    def _descend(self, dt_s: float) -> Command:
         crawl = self.quadrotor.height_m < _CRAWL_BELOW_M
         speed = float(self.parameters["MPC_LAND_CRWL" if crawl else "MPC_LAND_SPEED"])
         return self._locked(self._slew(speed, _DESCENT_SLEW_M_S2, dt_s))
@@ -556,7 +554,7 @@ class Autopilot:
         vertical = 0.0
         fastest = float(self.parameters["MPC_XY_CRUISE"])
         if self._return_phase == "land":
-            vertical = self._descend(dt_s, self._braking).velocity_ned_m_s[2]
+            vertical = self._descend(dt_s).velocity_ned_m_s[2]
             fastest = _HOMING_MAX_M_S
         speed = min(_HOMING_GAIN_PER_S * away, fastest)
         share = speed / away if away > 1e-6 else 0.0

@@ -391,6 +391,50 @@ def test_without_a_stream_it_flies_on_and_hold_stops_it_as_measured() -> None:
     assert horizontal_norm(flight.pilot.quadrotor.velocity_ned_m_s) < 0.02
 
 
+def test_on_the_ground_a_lost_stream_starts_nothing() -> None:
+    flight = Flight(COM_OBL_RC_ACT=5)
+    flight.velocity(0.0)()
+    flight.pilot.set_mode(Mode.OFFBOARD.main)
+    flight.pilot.arm()
+    flight.fly(5.0)
+    assert not flight.in_failsafe()
+    assert flight.texts() == ["Armed by external command"]
+
+
+def test_touching_the_floor_without_wanting_down_is_no_landing() -> None:
+    flight = Flight()
+    flight.take_off()
+    down = flight.velocity(0.0, down=0.5)
+    down()
+    flight.pilot.set_mode(Mode.OFFBOARD.main)
+    while not flight.pilot.quadrotor.on_ground:
+        flight.fly(0.05, down)
+    flight.fly(6.0, flight.velocity(0.0))
+    assert flight.pilot.armed
+    assert "Landing detected" not in flight.texts()
+
+
+def test_a_turn_is_not_taken_back_when_hold_begins() -> None:
+    flight = Flight(0.2)
+    flight.take_off()
+    rate = math.radians(30.0)
+
+    def turn() -> None:
+        flight.pilot.set_setpoint(velocity_ned_m_s=(0.0, 0.0, 0.0), yaw_rate_rad_s=rate)
+
+    turn()
+    flight.pilot.set_mode(Mode.OFFBOARD.main)
+    flight.fly(3.0, turn)
+    flight.pilot.set_mode(Mode.HOLD.main, Mode.HOLD.sub)
+    before, largest = flight.pilot.quadrotor.yaw_rad, 0.0
+    for _ in range(300):
+        flight.fly(0.01)
+        largest = max(largest, flight.pilot.quadrotor.yaw_rad - before)
+    kept = flight.pilot.quadrotor.yaw_rad - before
+    assert 0.0 < kept <= largest < math.radians(15.0)
+    assert largest - kept < math.radians(4.0)
+
+
 # ---------------------------------------------------------------- return
 
 
@@ -415,6 +459,22 @@ def test_a_return_climbs_first_and_lands_at_home() -> None:
     assert horizontal_norm(flight.position) < 0.15
     detected_s = flight.said_at("Landing detected") - start_s
     assert detected_s == pytest.approx(expected["landing_detected_s"], abs=3.5)
+
+
+def test_home_is_where_it_was_armed_last() -> None:
+    flight = Flight(0.2)
+    flight.take_off()
+    flight.offboard(0.6, 4.0)
+    flight.pilot.land()
+    flight.until(lambda: not flight.pilot.armed)
+    home = flight.position
+    flight.pilot.set_mode(Mode.HOLD.main, Mode.HOLD.sub)
+    flight.take_off()
+    flight.offboard(0.6, 4.0)
+    flight.pilot.return_to_launch()
+    flight.until(lambda: not flight.pilot.armed)
+    assert home[0] > 1.5
+    assert flight.position[0] == pytest.approx(home[0], abs=0.15)
 
 
 def test_a_return_at_home_lands_straight() -> None:

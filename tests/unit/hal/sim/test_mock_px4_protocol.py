@@ -210,6 +210,12 @@ def test_a_setpoint_without_position_and_velocity_is_invalid(frame: int, mask: i
     assert client.texts() == ["SET_POSITION_TARGET_LOCAL_NED invalid"]
 
 
+def test_a_position_in_the_body_frame_is_no_setpoint() -> None:
+    client = Client()
+    client.setpoint(8, 0x0DF8, 1.0, 0.0, 0.0)
+    assert client.texts() == ["SET_POSITION_TARGET_LOCAL_NED invalid"]
+
+
 def test_velocity_position_yaw_and_yaw_rate_are_flown() -> None:
     client = Client()
     client.take_off()

@@ -118,6 +118,22 @@ def test_an_error_of_the_estimate_moves_the_truth_the_other_way() -> None:
     assert quad.yaw_rad == pytest.approx(-0.2, abs=0.01)
 
 
+def test_an_error_of_the_estimated_velocity_makes_it_drift() -> None:
+    quad = at_rest()
+    error = EstimateOffset((0.0, 0.0, 0.0), (0.05, 0.0, 0.0), 0.0)
+    for _ in range(4000):
+        quad.step(0.01, Command(velocity_ned_m_s=(0.2, 0.0, 0.0)), error=error)
+    assert quad.velocity_ned_m_s[0] == pytest.approx(0.15, abs=0.002)
+
+
+def test_a_moving_position_with_its_velocity_is_followed_without_lag() -> None:
+    quad = at_rest()
+    for tick in range(4000):
+        target = (0.2 * 0.01 * tick, 0.0, HIGH[2])
+        quad.step(0.01, Command(target, (0.2, 0.0, 0.0)))
+    assert quad.position_ned_m[0] == pytest.approx(0.2 * 0.01 * 3999, abs=0.01)
+
+
 def test_speed_limits_are_kept_and_the_direction_too() -> None:
     quad = Quadrotor(position_ned_m=HIGH, limits=Limits(horizontal_m_s=0.5, up_m_s=0.4))
     fly(quad, 60.0, Command(velocity_ned_m_s=(3.0, 4.0, -5.0)))
