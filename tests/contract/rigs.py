@@ -1,0 +1,200 @@
+"""Every implementation of the hardware contract, each with a way to let time pass and to fall
+silent. A driver that is added is added here."""
+
+import asyncio
+import os
+import signal
+from collections.abc import Callable
+from typing import Protocol, Self
+
+import numpy as np
+import pytest
+from _pytest.mark.structures import ParameterSet
+
+from autonomy.embedded import EmbeddedPx4
+from hal import registry
+from hal.clock import MonotonicClock, SimClock
+from hal.config import BeamsConfig, VehicleConfig
+from hal.gnss.autopilot_gnss import AutopilotGnss
+from hal.interfaces import Clock, GnssReceiver, RangeSensor, Vehicle
+from hal.ranging.distance_sensor import MavlinkDistanceSensor
+from hal.sim.autopilot import Autopilot
+from hal.sim.scenario import load_scenario
+from hal.sim.vehicle import SimVehicle
+from tests.support.link import SpokenLink
+
+SCENARIO = "empty"
+_TICK_S = 0.05
+
+
+class Rig(Protocol):
+    """What a contract test needs to know of an implementation."""
+
+    vehicle: Vehicle
+    clock: Clock
+    range_sensor: RangeSensor | None
+    gnss: GnssReceiver | None
+
+    async def __aenter__(self) -> Self: ...
+
+    async def __aexit__(self, *_: object) -> None: ...
+
+    async def pass_time(self, seconds: float) -> None: ...
+
+    def fall_silent(self) -> None: ...
+
+    def speak_again(self) -> None: ...
+
+
+class SimulatedRig:
+    """The in-process vehicle on its own clock."""
+
+    def __init__(self) -> None:
+        self.sim_clock = SimClock(100.0)
+        self.clock: Clock = self.sim_clock
+        autopilot = Autopilot(load_scenario(SCENARIO), np.random.default_rng(5))
+        self.simulated = SimVehicle(autopilot, self.sim_clock)
+        self.vehicle: Vehicle = self.simulated
+        self.range_sensor: RangeSensor | None = None
+        self.gnss: GnssReceiver | None = None
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.vehicle.close()
+
+    async def pass_time(self, seconds: float) -> None:
+        for _ in range(round(seconds / _TICK_S)):
+            self.simulated.advance(_TICK_S)
+
+    def fall_silent(self) -> None:
+        self.simulated.cut_link()
+
+    def speak_again(self) -> None:
+        self.simulated.restore_link()
+
+
+class MavsdkRig:
+    """MAVSDK and its drivers against the mock PX4, in wall-clock time."""
+
+    def __init__(self, px4: EmbeddedPx4) -> None:
+        self.clock: Clock = MonotonicClock()
+        self._px4 = px4
+        beams = BeamsConfig()
+        linked = registry.vehicle(VehicleConfig(connection=self._px4.connection), beams, self.clock)
+        self.vehicle: Vehicle = linked
+        self.range_sensor: RangeSensor | None
+        (self.range_sensor,) = registry.range_sensors(beams, linked, self.clock)
+        self.gnss: GnssReceiver | None = registry.gnss(linked, self.clock)
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self.speak_again()
+        await self.vehicle.close()
+
+    async def pass_time(self, seconds: float) -> None:
+        await asyncio.sleep(seconds)
+
+    def fall_silent(self) -> None:
+        self._strike(signal.SIGSTOP)
+
+    def speak_again(self) -> None:
+        self._strike(signal.SIGCONT)
+
+    def _strike(self, number: signal.Signals) -> None:
+        assert self._px4.pid is not None
+        os.kill(self._px4.pid, number)
+
+
+class SpokenRig:
+    """The drivers over a link without a wire; the simulated vehicle stands beside them."""
+
+    def __init__(self) -> None:
+        self.link = SpokenLink()
+        simulated = SimulatedRig()
+        self.clock: Clock = simulated.clock
+        self._sim_clock = simulated.sim_clock
+        self.vehicle: Vehicle = simulated.vehicle
+        self.range_sensor: RangeSensor | None = MavlinkDistanceSensor(self.link, BeamsConfig())
+        self.gnss: GnssReceiver | None = AutopilotGnss(self.link)
+        self._silent = False
+        self._speaker: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> Self:
+        self._speaker = asyncio.get_running_loop().create_task(self._speak_on())
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        if self._speaker is not None:
+            self._speaker.cancel()
+            await asyncio.gather(self._speaker, return_exceptions=True)
+
+    async def pass_time(self, seconds: float) -> None:
+        for _ in range(round(seconds / _TICK_S)):
+            self._speak()
+
+    def fall_silent(self) -> None:
+        self._silent = True
+
+    def speak_again(self) -> None:
+        self._silent = False
+
+    async def _speak_on(self) -> None:
+        while True:
+            self._speak()
+            await asyncio.sleep(0.005)
+
+    def _speak(self) -> None:
+        self._sim_clock.advance(_TICK_S)
+        now_s = self._sim_clock.now_s()
+        if self._silent:
+            return
+        for orientation, distance_cm in ((0, 50), (2, 100), (4, 2), (6, 99), (24, 70), (25, 40)):
+            self.link.say(
+                "DISTANCE_SENSOR",
+                now_s,
+                time_boot_ms=int(now_s * 1000),
+                min_distance=2,
+                max_distance=100,
+                current_distance=distance_cm,
+                id=0,
+                orientation=orientation,
+                covariance=255,
+                signal_quality=0,
+            )
+        self.link.say(
+            "GPS_RAW_INT",
+            now_s,
+            time_usec=int(now_s * 1e6),
+            fix_type=3,
+            lat=473_981_442,
+            lon=85_456_036,
+            alt=489_405,
+            eph=70,
+            epv=110,
+            satellites_visible=10,
+            h_acc=900,
+            v_acc=1780,
+        )
+
+
+IN_PROCESS: dict[str, Callable[[], Rig]] = {"simulated": SimulatedRig, "spoken": SpokenRig}
+OVER_THE_WIRE: dict[str, Callable[[EmbeddedPx4], Rig]] = {"mavsdk": MavsdkRig}
+
+
+def parameters(*in_process: str) -> list[ParameterSet]:
+    """These in-process rigs and all that need the mock PX4, as parameters of a fixture."""
+    return [
+        *(pytest.param(name) for name in in_process),
+        *(pytest.param(name, marks=pytest.mark.integration) for name in OVER_THE_WIRE),
+    ]
+
+
+def build(request: pytest.FixtureRequest) -> Rig:
+    """The rig that the fixture's parameter names; starts the mock PX4 where it is needed."""
+    if request.param in IN_PROCESS:
+        return IN_PROCESS[request.param]()
+    return OVER_THE_WIRE[request.param](request.getfixturevalue("px4"))
