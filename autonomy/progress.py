@@ -73,7 +73,7 @@ class Progress:
         out = stream if stream is not None else sys.stdout
         if kind == "json":
             return cls(JsonScreen(out))
-        console = Console(file=out, highlight=False)
+        console = _Console(file=out, highlight=False)
         return cls(
             LiveScreen(console) if kind == "auto" and console.is_terminal else LineScreen(console)
         )
@@ -134,6 +134,14 @@ class Progress:
             if newest is not None and newest is not shown:
                 self._screen.show(self._elapsed_s(), newest)
                 shown = newest
+
+
+class _Console(Console):
+    """A console that tells its caller when the pipe is closed instead of ending the program."""
+
+    def on_broken_pipe(self) -> None:
+        """Called while the BrokenPipeError is being handled."""
+        raise BrokenPipeError
 
 
 class JsonScreen:

@@ -136,7 +136,9 @@ def download(url: str, cert: str | None) -> bytes:
         ) as response:
             body: bytes = response.read()
             return body
-    except (urllib.error.URLError, OSError) as error:
+    except OSError as error:  # URLError is one
+        if isinstance(error, urllib.error.HTTPError):
+            error.close()
         raise BootstrapError(f"{shown}: cannot be fetched ({error})") from None
 
 
