@@ -189,6 +189,12 @@ def test_yaw_is_carried_on_by_its_rate_and_wrapped() -> None:
     assert (state.roll_rad, state.pitch_rad, state.yaw_rate_rad_s) == (0.02, -0.03, 1.0)
 
 
+def test_yaw_is_not_carried_on_for_ever() -> None:
+    state = fusion().step(10.0, local(10.0), attitude(0.0, 0.5, 1.0), None, ())
+    assert not state.ok
+    assert state.yaw_rad == pytest.approx(0.5 + CONFIG.stale_after_s)
+
+
 def test_an_older_reading_that_arrives_late_is_ignored() -> None:
     estimator = fusion()
     now_s = settle(estimator)
@@ -328,6 +334,53 @@ def test_a_late_fix_is_moved_along_with_the_vehicle() -> None:
     assert states[1] == pytest.approx(states[0], abs=1e-5)
 
 
+def test_a_fix_counts_once() -> None:
+    once, often = fusion(), fusion()
+    for estimator, repeats in ((once, 1), (often, 10)):
+        now_s = settle(estimator, 4.0)
+        beside, reading = fix(now_s, (0.5, 0.0, -0.8)), local(now_s, (0.0, 0.0, -0.8))
+        for _ in range(repeats):
+            state = estimator.step(now_s, reading, attitude(now_s), beside, ())
+        if estimator is once:
+            first = state
+    assert state == first
+
+
+def test_a_fix_is_believed_by_the_worse_of_its_accuracies() -> None:
+    moved = []
+    for accuracy_m in (0.5, 3.0):
+        estimator = fusion()
+        now_s = settle(estimator, 4.0)
+        beside = msgspec.structs.replace(
+            fix(now_s, (0.5, 0.0, -0.8)), vertical_accuracy_m=accuracy_m
+        )
+        reading = local(now_s, (0.0, 0.0, -0.8))
+        moved.append(estimator.step(now_s, reading, attitude(now_s), beside, ()).position_ned_m[0])
+    assert 0.0 < moved[1] < 0.05 * moved[0]
+
+
+def test_a_fix_that_comes_too_late_is_ignored() -> None:
+    one, other = fusion(), fusion()
+    for estimator in (one, other):
+        now_s = settle(estimator, 4.0) + 1.5
+        estimator.step(now_s, local(now_s, (0.0, 0.0, -0.8)), attitude(now_s), None, ())
+    level, late = attitude(now_s), fix(now_s - 1.1, (0.3, 0.0, -0.8))
+    assert one.step(now_s, None, level, late, ()) == other.step(now_s, None, level, None, ())
+
+
+def test_gnss_is_placed_anew_only_when_the_rejections_are_in_a_row() -> None:
+    estimator = fusion()
+    here = (0.0, 0.0, -0.8)
+    now_s = settle(estimator, 4.0, here)
+    for i in range(6 * CONFIG.reset_after_rejections):
+        ned = here if i % 3 == 0 else add(here, (40.0, 0.0, 0.0))
+        estimator.step(now_s, local(now_s, here), attitude(now_s), fix(now_s, ned), ())
+        now_s += TICK_S
+    nudge = fix(now_s, add(here, (0.5, 0.0, 0.0)))
+    state = estimator.step(now_s, local(now_s, here), attitude(now_s), nudge, ())
+    assert state.position_ned_m[0] > 1e-6
+
+
 @pytest.mark.parametrize("kind", [FixType.NO_GPS, FixType.NO_FIX, FixType.FIX_2D])
 def test_a_fix_without_position_is_ignored(kind: FixType) -> None:
     one, other = fusion(), fusion()
@@ -462,6 +515,30 @@ def test_over_a_table_the_height_steps_and_the_altitude_does_not() -> None:
         now_s += TICK_S
     assert heights[: TERRAIN_STEP_READINGS - 1] == pytest.approx([0.8, 0.8], abs=1e-6)
     assert heights[TERRAIN_STEP_READINGS - 1 :] == pytest.approx([0.3, 0.3, 0.3], abs=1e-6)
+
+
+def test_a_height_counts_once() -> None:
+    estimator = fusion()
+    here = (0.0, 0.0, -0.8)
+    now_s = settle(estimator, position=here)
+    wrong = down(now_s, 0.3)
+    for _ in range(2 * TERRAIN_STEP_READINGS):
+        state = estimator.step(now_s, local(now_s, here), attitude(now_s), None, (wrong,))
+        assert state.height_agl_m == pytest.approx(0.8, abs=1e-6)
+
+
+def test_a_noisy_height_is_believed_less() -> None:
+    heights = []
+    for variance_m2 in (1e-4, 0.04):
+        estimator = fusion()
+        here = (0.0, 0.0, -0.8)
+        now_s = settle(estimator, position=here)
+        reading = msgspec.structs.replace(down(now_s, 0.7), variance_m2=variance_m2)
+        state = estimator.step(now_s, local(now_s, here), attitude(now_s), None, (reading,))
+        assert state.height_agl_m is not None
+        heights.append(state.height_agl_m)
+    assert heights[0] < heights[1] - 0.005
+    assert heights[1] < 0.8
 
 
 def test_single_wrong_heights_are_rejected() -> None:

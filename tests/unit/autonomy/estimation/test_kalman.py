@@ -177,6 +177,33 @@ def test_a_step_of_the_height_is_rejected_until_it_is_accepted() -> None:
     assert kalman.update_height(0.3, 0.03).fused
 
 
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_height_that_is_no_number_leaves_a_known_surface_alone(bad: float) -> None:
+    kalman = started((0.0, 0.0, -1.0))
+    kalman.update_height(1.0, 0.03)
+    tested = kalman.update_height(bad, 0.03)
+    assert (tested.fused, tested.test_ratio) == (False, math.inf)
+    kalman.start_terrain(bad, 0.03)
+    assert kalman.terrain_down_m == 0.0
+
+
+def test_heights_are_weighed_by_surface_height_and_altitude_variances() -> None:
+    kalman = started((0.0, 0.0, -1.0))
+    surface = SIGMA_P**2 + 0.04**2
+    kalman.update_height(1.0, 0.04)
+    expected = 0.0
+    for _ in range(3):
+        noise = SIGMA_P**2 + 0.04**2
+        gain = surface / (surface + noise)
+        tested = kalman.update_height(1.05, 0.04)
+        assert tested.test_ratio == pytest.approx(
+            (0.05 - expected) ** 2 / (GATE**2 * (surface + noise))
+        )
+        expected += gain * (0.05 - expected)
+        surface *= 1.0 - gain
+        assert kalman.terrain_down_m == pytest.approx(expected)
+
+
 def test_the_surface_may_rise_slowly() -> None:
     kalman = started((0.0, 0.0, -1.0))
     for step in range(400):

@@ -58,6 +58,15 @@ def test_the_integral_alone_never_exceeds_the_limit() -> None:
     assert pid.step(-1.0, 0.0, 0.1) == pytest.approx(0.4)
 
 
+def test_the_integral_is_bounded_while_another_part_holds_the_output_down() -> None:
+    pid = Pid(gains(ki=1.0, kd=1.0), 0.5)
+    for step in range(100):
+        # A measurement that climbs 1 /s: the derivative part is -1 against a growing integral.
+        pid.step(step * 0.1 + 1.0, step * 0.1, 0.1)
+    assert pid.step(9.9, 9.9, 0.0) == 0.5
+    assert pid.step(9.4, 9.9, 1.0) == pytest.approx(0.0)
+
+
 def test_in_saturation_the_integral_may_still_lead_away_from_the_limit() -> None:
     pid = Pid(gains(kp=0.0, ki=1.0, kd=1.0), 1.0)
     pid.step(1.0, 0.0, 0.5)

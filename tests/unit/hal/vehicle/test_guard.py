@@ -584,7 +584,7 @@ def test_flight_along_the_fence_is_free() -> None:
 
 
 def test_an_edge_counts_only_where_it_is() -> None:
-    seen = sight((-0.5, -0.05, -1.0))
+    seen = sight((-0.1, -0.05, -1.0))
     asked = setpoint(seen.position_ned_m, (0.0, 0.25, 0.0))
     assert Guard(L_SHAPE).check(asked, seen).setpoint is asked
     inside_the_arm = sight((0.5, -0.05, -1.0))
@@ -792,6 +792,8 @@ def test_an_escape_respects_fence_and_beams() -> None:
     seen = sight(hits=((0.17, 0.0),))
     limited = Guard(fence).check(asked, seen)
     assert math.hypot(*effective(limited, seen)) < 0.0085
+    unsure = msgspec.structs.replace(seen, position_sigma_m=0.004)
+    assert math.hypot(*effective(Guard(fence).check(asked, unsure), unsure)) < 0.0018
     behind = sight(hits=((0.17, 0.0),), beams=(beam("back", 0.15),))
     assert is_hold_at(Guard(CONFIG).check(asked, behind), HOME)
 
