@@ -94,7 +94,13 @@ class FlightRecorder:
 
     @classmethod
     def in_folder(
-        cls, folder: Path, *, config_json: str, scenario: str | None = None, seed: int | None = None
+        cls,
+        folder: Path,
+        *,
+        config_json: str,
+        scenario: str | None = None,
+        seed: int | None = None,
+        wait_when_full: bool = False,
     ) -> "FlightRecorder":
         """A recorder in `folder` (made when missing), in a file named for the time and the world.
 
@@ -120,7 +126,7 @@ class FlightRecorder:
         number = 1
         while (path := folder / f"{stem}{f'-{number}' if number > 1 else ''}.mcap").exists():
             number += 1
-        return cls(path, header)
+        return cls(path, header, wait_when_full=wait_when_full)
 
     @property
     def failure(self) -> str | None:
