@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from autonomy.errors import BadInput
-from autonomy.model import NoPlan, Plan
+from autonomy.model import NoPlan, ObstacleKind, Plan
 from hal.sim.scenario import Box, Disc, Scenario, Wall
 
 PointNE = tuple[float, float]
@@ -114,20 +114,24 @@ def save_plan(
 ) -> None:
     """Draw what was planned in a scenario into a PNG file.
 
-    Legs by their kind, rejected candidates dashed, obstacles as the planner took them; without a
-    plan the hits that bar the way. Raises BadInput when matplotlib is not installed or the file
-    cannot be written.
+    Legs by their kind, rejected candidates dashed, keep-out discs round what the planner took for
+    discrete; without a plan the hits that bar the way. Raises BadInput when matplotlib is not
+    installed or the file cannot be written.
     """
     figure, axes = _figure()
     draw_scenario(axes, scenario.model_copy(update={"goal_ne_m": goal}), legend=False)
-    discs = [(obstacle.centre, obstacle.radius_m) for obstacle in plan.obstacles]
     if isinstance(plan, Plan):
+        discs = [
+            (obstacle.centre, obstacle.radius_m + plan.keep_out_m)
+            for obstacle in plan.obstacles
+            if obstacle.kind is ObstacleKind.DISCRETE
+        ]
         legs = [(leg.kind.value, leg.points) for leg in plan.legs]
         legs += [("rejected", points) for points in plan.rejected]
         draw_flight(axes, (), legs=legs, hits=hits, discs=discs)
         _title(axes, f"{scenario.title}: {plan.length_m:.2f} m, {plan.environment.value}")
     else:
-        draw_flight(axes, (), hits=plan.evidence, discs=discs)
+        draw_flight(axes, (), hits=plan.evidence)
         _title(axes, f"{scenario.title}: no way")
     _save(figure, path)
 
