@@ -53,7 +53,7 @@ class DeadmanRule:
 
     def release(self) -> None:
         """The loop no longer flies the vehicle."""
-        self._fed_s = self._silent_s = None
+        self._fed_s = None
 
     def poll(self, now_s: float) -> Watch:
         """The state at `now_s`."""

@@ -184,6 +184,13 @@ def test_a_stamp_is_never_after_the_reception_and_loses_the_jitter(
         assert stamp_s - true_s >= -(1.0 - rate) * 2.1 - 1e-6
 
 
+def test_a_clock_that_loses_two_per_cent_is_followed_for_ever() -> None:
+    clock = BootClock()
+    for n in range(30 * 60):
+        now_s = n / 30.0
+        assert 0.0 <= now_s - clock.note(now_s, 500.0 + 0.98 * now_s) <= 0.042
+
+
 def test_a_restarted_autopilot_is_noticed_and_its_new_clock_learned() -> None:
     clock = BootClock()
     for n in range(60):
