@@ -160,6 +160,7 @@ class ObstacleView(msgspec.Struct, frozen=True):
     centre: Point
     radius_m: float
     hull: tuple[Point, ...]
+    hits: tuple[Point, ...]
 
 
 class LegView(msgspec.Struct, frozen=True):

@@ -223,6 +223,7 @@ def _obstacle(obstacle: Obstacle, offset: Point) -> ObstacleView:
         centre=_moved((obstacle.centre,), offset)[0],
         radius_m=obstacle.radius_m,
         hull=_moved(obstacle.hull, offset),
+        hits=_moved(obstacle.hits, offset),
     )
 
 

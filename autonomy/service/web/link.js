@@ -1,0 +1,79 @@
+// The page's two lines to the service: a stream of what is, and orders.
+
+const TOKEN_KEY = "autonomy-token";
+
+export function token() {
+  const given = new URLSearchParams(location.hash.slice(1)).get("token");
+  if (given) {
+    localStorage.setItem(TOKEN_KEY, given);
+    history.replaceState(null, "", location.pathname);
+  }
+  return localStorage.getItem(TOKEN_KEY);
+}
+
+export function keepToken(value) {
+  localStorage.setItem(TOKEN_KEY, value);
+}
+
+/** Ask the service; resolves to its JSON, throws an Error with its sentence (and `status`). */
+export async function ask(method, path, body) {
+  const headers = {};
+  if (token()) headers.Authorization = `Bearer ${token()}`;
+  if (body !== undefined) headers["Content-Type"] = "application/json";
+  let response;
+  try {
+    response = await fetch(path, {
+      method,
+      headers,
+      body: body === undefined ? undefined : JSON.stringify(body),
+      signal: AbortSignal.timeout(4000),
+    });
+  } catch {
+    throw new Error("the service does not answer");
+  }
+  const answer = await response.json().catch(() => ({}));
+  if (!response.ok) {
+    const error = new Error(answer.error || `the service answered ${response.status}`);
+    error.status = response.status;
+    throw error;
+  }
+  return answer;
+}
+
+/** Save a flight log; a plain link could not carry the token. */
+export async function save(name) {
+  const headers = token() ? { Authorization: `Bearer ${token()}` } : {};
+  const response = await fetch(`/v1/logs/${encodeURIComponent(name)}`, { headers });
+  if (!response.ok) throw new Error(`${name} cannot be read`);
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(await response.blob());
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}
+
+/** Keeps one stream open. Calls `onMessage(message)`, `onOpen()`, `onLost()`; comes back by itself. */
+export class Stream {
+  constructor({ onMessage, onOpen, onLost }) {
+    Object.assign(this, { onMessage, onOpen, onLost });
+    this.wait = 250;
+    this.open();
+  }
+
+  open() {
+    const protocols = ["autonomy.v1"];
+    if (token()) protocols.push(`bearer.${token()}`);
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/v1/stream`, protocols);
+    socket.onopen = () => {
+      this.wait = 250;
+      this.onOpen();
+    };
+    socket.onmessage = (event) => this.onMessage(JSON.parse(event.data));
+    socket.onclose = () => {
+      this.onLost();
+      setTimeout(() => this.open(), this.wait);
+      this.wait = Math.min(this.wait * 1.7, 3000);
+    };
+  }
+}
