@@ -47,19 +47,20 @@ def grid_around(
     *,
     convex: bool,
 ) -> Grid:
-    """The grid; a taut path never leaves the hull of ends and hits by more than the keep-out.
+    """The grid; a taut path never leaves the hull of ends and hits by more than the keep-out
+    (and of the fence's corners when it is not convex).
 
     Cells are free at sqrt(keep_out^2 + cell^2 / 2), so that a step between neighbours is free.
     """
-    known = np.concatenate((ends, hits))
+    sides = polygon[:0] if convex else polygon
+    known = np.concatenate((ends, hits, sides))
     slack = keep_out_m + MARGIN_CELLS * cell_m
     low = np.maximum(known.min(axis=0) - slack, polygon.min(axis=0))
     high = np.minimum(known.max(axis=0) + slack, polygon.max(axis=0))
-    rows, columns = (max(1, math.ceil(s / cell_m)) for s in (high - low).tolist())
+    shape = np.maximum(1, np.ceil((high - low) / cell_m)).astype(np.int64)
     box = np.array((low[0], low[1], cell_m))
     inflated = math.sqrt(keep_out_m**2 + 0.5 * cell_m**2)
-    free = kernels.free_cells(hits, inflated, polygon, box, rows, columns)
-    return Grid(box, free, np.empty((0, 2)) if convex else polygon)
+    return Grid(box, kernels.free_cells(hits, inflated, polygon, sides, box, shape), sides)
 
 
 def geodesic(
@@ -90,11 +91,18 @@ def geodesic(
 
 
 def closing_hits(
-    start: Point, goal: Point, hits: Floats, keep_out_m: float, polygon: Floats, cell_m: float
+    start: Point,
+    goal: Point,
+    hits: Floats,
+    keep_out_m: float,
+    polygon: Floats,
+    cell_m: float,
+    *,
+    convex: bool = True,
 ) -> tuple[int, ...]:
     """The hits that keep start and goal apart, for a way that is known to be closed."""
     ends = np.array((start, goal))
-    grid = grid_around(ends, hits, keep_out_m, polygon, cell_m, convex=True)
+    grid = grid_around(ends, hits, keep_out_m, polygon, cell_m, convex=convex)
     return _evidence(grid, ends, hits, keep_out_m)
 
 

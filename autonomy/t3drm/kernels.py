@@ -930,18 +930,31 @@ def _inside_polygon(polygon: Floats, n: float, e: float) -> bool:
 
 
 @kernel
+def _near_a_side(sides: Floats, within: float, n: float, e: float) -> bool:
+    for i in range(sides.shape[0]):
+        an, ae, bn, be = sides[i - 1, 0], sides[i - 1, 1], sides[i, 0], sides[i, 1]
+        if segment_distance2(n, e, an, ae, bn, be) < within * within:
+            return True
+    return False
+
+
+@kernel
 def free_cells(
-    points: Floats, keep_out: float, polygon: Floats, box: Floats, rows: int, columns: int
+    points: Floats, keep_out: float, polygon: Floats, sides: Floats, box: Floats, shape: Ints
 ) -> Mask:
     """1 where a cell's centre is inside the polygon and `keep_out` from every point.
 
-    box: (north, east) of the corner of cell (0, 0) and the cell's side.
+    box: (north, east) of the corner of cell (0, 0) and the cell's side; shape: rows, columns.
+    From `sides` (of a polygon that is not convex) centres keep 0.71 cells, so that no step
+    between neighbours crosses one.
     """
+    rows, columns = shape[0], shape[1]
     free = np.zeros((rows, columns), dtype=np.uint8)
     north, east, cell = box[0], box[1], box[2]
     for r in range(rows):
         for c in range(columns):
-            if _inside_polygon(polygon, north + (r + 0.5) * cell, east + (c + 0.5) * cell):
+            n, e = north + (r + 0.5) * cell, east + (c + 0.5) * cell
+            if _inside_polygon(polygon, n, e) and not _near_a_side(sides, 0.71 * cell, n, e):
                 free[r, c] = 1
     limit = keep_out * keep_out
     for k in range(points.shape[0]):

@@ -425,6 +425,7 @@ class Planner:
                 keep_out,
                 self._polygon,
                 self.config.grid_cell_m,
+                convex=self._convex,
             )
             return tuple((n, e) for n, e in scene.hits[list(chosen)].tolist())
         centre = scene.start if failure is Failure.BOXED_IN else scene.goal

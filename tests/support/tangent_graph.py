@@ -38,9 +38,7 @@ def shortest_length(start: Point, goal: Point, centres: Floats, radii: Floats) -
 def _without_contained(centres: Floats, radii: Floats) -> list[int]:
     kept: list[int] = []
     for i in sorted(range(len(radii)), key=lambda k: -radii[k]):
-        inside = any(
-            math.dist(centres[i], centres[k]) + radii[i] <= radii[k] + 1e-9 for k in kept
-        )
+        inside = any(math.dist(centres[i], centres[k]) + radii[i] <= radii[k] + 1e-9 for k in kept)
         if not inside:
             kept.append(i)
     return kept
