@@ -277,7 +277,7 @@ def replay(context: click.Context, *, log: str) -> None:
 
     result = replay_log(Path(log))
     if result.exact:
-        click.echo(f"{result.ticks} ticks replayed, every decision is the same")
+        click.echo(f"identical: {result.ticks} ticks replayed, every decision the same")
         return
     if result.gap is not None:
         click.echo(

@@ -144,9 +144,9 @@ class GuidanceConfig(Section):
     speed_max_m_s: Positive = 0.2
     """The paper's limit (section 3.1)."""
     speed_min_m_s: Positive = 0.08
-    slow_below_m: Positive = 0.25
+    slow_below_m: Positive = 0.30
     """Clearance at which the speed begins to fall ..."""
-    slowest_at_m: Positive = 0.17
+    slowest_at_m: Positive = 0.18
     """... and at which it has fallen to the minimum."""
     volume_rate_dead_band: NonNegative = 0.02
     """Table 2: |dV/dt| below this fraction of the full volume per second counts as 0."""

@@ -51,7 +51,7 @@ from hal.setpoints import Setpoint
 _AT_REST_M_S = 0.05
 _SWEEP_RAD = math.radians(100.0)
 """A quarter turn of four beams, and a little more so that the ends overlap."""
-_STOP_LEAD_S = 0.35
+_STOP_LEAD_S = 0.1
 """Where to hold: the vehicle cannot stop at once, and is not asked to come back."""
 _PATH_SLACK_M = 0.015
 """A hit this much inside the keep-out radius is noise, not an obstacle in the way."""
@@ -325,8 +325,20 @@ class Pilot:
         )
 
     def _hold_position(self, tick: Tick) -> None:
-        """Hold with a position (zero velocity alone drifts), turning on."""
+        """Hold with a position (zero velocity alone drifts), turning on.
+
+        Where a hit turns out to be too near to stay, the place to hold moves away from it.
+        """
         fused = tick.fused
+        yaw_rad = fused.yaw_rad
+        if self._state is not MissionState.OFFBOARD:
+            yaw_rad = self._scan.step(fused.yaw_rad, tick.dt_s)
+        nearest = self._sensing.map.nearest_hit(fused.position_ned_m, _CLEARANCE_LIMIT_M)
+        push = push_away((0.0, 0.0), nearest, self._config.guidance)
+        if push != (0.0, 0.0):
+            self._hold_at = None
+            tick.setpoint = Setpoint(tick.now_s, fused.position_ned_m, (*push, 0.0), yaw_rad)
+            return
         if self._hold_at is None:
             velocity = fused.velocity_ned_m_s
             self._hold_at = (
@@ -334,9 +346,6 @@ class Pilot:
                 fused.position_ned_m[1] + velocity[1] * _STOP_LEAD_S,
                 self.goal[2],
             )
-        yaw_rad = fused.yaw_rad
-        if self._state is not MissionState.OFFBOARD:
-            yaw_rad = self._scan.step(fused.yaw_rad, tick.dt_s)
         tick.setpoint = Setpoint(tick.now_s, self._hold_at, yaw_rad=yaw_rad)
 
     def _stream_something(self, tick: Tick) -> None:

@@ -20,6 +20,8 @@ _STREAM_BEFORE_OFFBOARD_S = 0.3
 _OFFBOARD_TIMEOUT_S = 5.0
 _ARM_TIMEOUT_S = 5.0
 _SILENCE_ENDS_LANDING_S = 10.0
+# PX4 disarms 2 s after landing (COM_DISARM_LAND); it is asked only when it did not.
+_DISARMS_ITSELF_S = 5.0
 # An arming request that was on its way when the mission ended may still take effect.
 _SETTLE_S = 1.0
 
@@ -39,6 +41,7 @@ class Sequence:
         self._config = config
         self._asked: set[RequestKind] = set()
         self._asked_to_land_s = -math.inf
+        self._on_ground_since_s = math.inf
         self._offboard_accepted = False
 
     def preflight(self, tick: Tick, elapsed_s: float, silent: tuple[str, ...]) -> Move | None:
@@ -114,14 +117,18 @@ class Sequence:
                 f"the vehicle did not report landed and disarmed within "
                 f"{self._config.mission.land_timeout_s:g} s; take it over by hand",
             )
+        if status.landed is not LandedState.ON_GROUND:
+            self._on_ground_since_s = math.inf
+        elif self._on_ground_since_s == math.inf:
+            self._on_ground_since_s = tick.now_s
         if status.armed and tick.now_s - self._asked_to_land_s >= _REPEAT_LAND_S:
-            self._asked_to_land_s = tick.now_s
-            if status.landed is LandedState.ON_GROUND:
-                # Armed, never left the ground: PX4 accepts a plain disarm there, and refuses it
-                # should it know better.
+            if tick.now_s - self._on_ground_since_s >= _DISARMS_ITSELF_S:
+                # A plain disarm: PX4 refuses it should it know better.
                 tick.ask(RequestKind.DISARM)
-            elif status.mode is not FlightMode.LAND:
+                self._asked_to_land_s = tick.now_s
+            elif status.landed is not LandedState.ON_GROUND and status.mode is not FlightMode.LAND:
                 tick.ask(RequestKind.LAND)
+                self._asked_to_land_s = tick.now_s
         return None
 
     def ask_hold(self, tick: Tick) -> None:

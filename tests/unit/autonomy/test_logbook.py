@@ -58,7 +58,7 @@ def test_a_replay_gives_the_same_decisions(flown: tuple[Path, SimulatedFlight]) 
     assert result.exact, result
     answer = CliRunner().invoke(main, ["replay", str(flown[0])])
     assert answer.exit_code == 0
-    assert answer.stdout == f"{result.ticks} ticks replayed, every decision is the same\n"
+    assert answer.stdout == f"identical: {result.ticks} ticks replayed, every decision the same\n"
 
 
 def test_the_report_of_a_log_is_what_was_flown(flown: tuple[Path, SimulatedFlight]) -> None:
