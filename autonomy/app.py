@@ -17,14 +17,14 @@ import msgspec
 from autonomy.config import Config, load_config
 from autonomy.embedded import EmbeddedPx4
 from autonomy.errors import BadInput
-from autonomy.flight import Flight, Tally
+from autonomy.flight import Flight
 from autonomy.flightlog.recorder import FlightRecorder
-from autonomy.geometry import polyline_length
 from autonomy.mission.preflight import check_route
 from autonomy.model import Ending, OperatorCommand, Outcome
 from autonomy.progress import Progress
 from autonomy.report import EXIT_CODES, FlightReport, FlyOptions
 from autonomy.simulation import with_scenario
+from autonomy.tally import Tally
 from autonomy.warm import warm_up
 from hal import registry
 from hal.clock import MonotonicClock
@@ -267,29 +267,15 @@ def report_of(
     recorder: FlightRecorder | None,
 ) -> FlightReport:
     """What the flight was."""
-    legs = ((0.0, 0.0), *((goal[0], goal[1]) for goal in route))
-    return FlightReport(
-        ending=outcome.ending,
-        why=outcome.why,
-        exit_code=int(EXIT_CODES[outcome.ending]),
-        route_ned_m=route,
-        flight_time_s=tally.flight_time_s,
-        path_length_m=tally.path_length_m,
-        straight_length_m=polyline_length(legs),
-        stops=tally.stops,
-        replans=tally.replans,
-        minimum_clearance_m=tally.minimum_clearance_m,
+    simulated = mission.scenario is not None
+    return tally.report(
+        outcome,
+        route,
         body_radius_m=mission.config.body.radius_m,
-        max_speed_m_s=tally.max_speed_m_s,
-        timing=tally.planning.record(),
-        leg_kinds=tuple(tally.leg_kinds),
-        guard_limits=dict(tally.guard_limits),
-        late_ticks=tally.late_ticks,
-        events=tuple((event.stamp_s, event.name, event.why) for event in tally.events),
         log_path=str(recorder.path) if recorder is not None else None,
         log_notes=recorder.notes() if recorder is not None else (),
-        seed=mission.options.seed if mission.scenario is not None else None,
         scenario=mission.options.scenario,
+        seed=mission.options.seed if simulated else None,
     )
 
 

@@ -291,10 +291,14 @@ def replay(context: click.Context, *, log: str) -> None:
 @main.command()
 @click.argument("log", type=_EXISTING)
 @click.option("--json", "as_json", is_flag=True, help="As JSON.")
-def report(*, log: str, as_json: bool) -> None:
+@click.option("--picture", type=click.Path(dir_okay=False), help="Draw the flight into a PNG.")
+def report(*, log: str, as_json: bool, picture: str | None) -> None:
     """Sum up the flight recorded in LOG."""
-    from autonomy.logbook import report_of_log
+    from autonomy.logbook import draw_log, report_of_log
     from autonomy.report import report_table
+
+    if picture is not None:
+        draw_log(Path(log), Path(picture))
 
     summary = report_of_log(Path(log))
     if as_json:

@@ -7,18 +7,14 @@ loop (exception, cancellation, a defect) ends in stop, hold and land.
 
 import asyncio
 import time
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Protocol
 
 from autonomy.config import Config
-from autonomy.geometry import Point, distance
 from autonomy.mission.guarded import Command, GuardedPilot
-from autonomy.mission.machine import OFFBOARD_STATES
 from autonomy.mission.sensing import Sensing
-from autonomy.model import Event, Inputs, OperatorCommand, Outcome, Plan
-from autonomy.planning_time import PlanningTime
+from autonomy.model import Inputs, OperatorCommand, Outcome
+from autonomy.tally import Tally
 from hal.frames import Vector3
 from hal.interfaces import Clock, GnssReceiver, RangeSensor, Vehicle
 from hal.readings import LandedState, StatusText, VehicleFacts
@@ -48,57 +44,6 @@ class Observer(Protocol):
     def note(self, text: str) -> None:
         """One line of the autopilot's or of the shell's."""
         ...
-
-
-@dataclass
-class Tally:
-    """What adds up over a flight and is told in its report."""
-
-    planning: PlanningTime = field(default_factory=PlanningTime)
-    path_length_m: float = 0.0
-    minimum_clearance_m: float | None = None
-    max_speed_m_s: float = 0.0
-    flight_time_s: float = 0.0
-    late_ticks: int = 0
-    stops: int = 0
-    replans: int = 0
-    leg_kinds: list[str] = field(default_factory=list)
-    guard_limits: Counter[str] = field(default_factory=Counter)
-    events: list[Event] = field(default_factory=list)
-    track: list[Point] = field(default_factory=list)
-    _airborne_s: float | None = None
-
-    def note(self, command: Command, inputs: Inputs, step_s: float) -> None:
-        """Add one tick."""
-        decision = command.decision
-        self.stops, self.replans = decision.stops, decision.replans
-        self.events.extend(decision.events)
-        self.guard_limits.update(command.guard.limits)
-        self.planning.note(decision, step_s)
-        if isinstance(decision.plan, Plan):
-            for leg in decision.plan.legs:
-                if leg.kind.value not in self.leg_kinds:
-                    self.leg_kinds.append(leg.kind.value)
-        fused = decision.fused
-        if fused is None or not fused.ok or not inputs.status.armed:
-            return
-        if inputs.status.landed is LandedState.ON_GROUND:
-            return
-        if self._airborne_s is None:
-            self._airborne_s = decision.now_s
-        self.flight_time_s = decision.now_s - self._airborne_s
-        # Steps shorter than the noise would add up to a length that nobody flew.
-        if not self.track:
-            self.track.append(fused.point)
-        elif (step_m := distance(self.track[-1], fused.point)) > 0.03:
-            self.path_length_m += step_m
-            self.track.append(fused.point)
-        velocity = fused.velocity_ned_m_s
-        self.max_speed_m_s = max(self.max_speed_m_s, (velocity[0] ** 2 + velocity[1] ** 2) ** 0.5)
-        if decision.state in OFFBOARD_STATES:
-            known = self.minimum_clearance_m
-            clearance_m = decision.clearance_m
-            self.minimum_clearance_m = clearance_m if known is None else min(known, clearance_m)
 
 
 class Flight:

@@ -3,15 +3,17 @@
 import json
 from pathlib import Path
 
+from autonomy import pictures
 from autonomy.config import Config
 from autonomy.errors import NotReplayable
-from autonomy.flight import Tally
 from autonomy.flightlog.reader import FlightLog, ReplayResult, replay
-from autonomy.geometry import polyline_length
+from autonomy.geometry import Point
 from autonomy.mission.guarded import GuardedPilot
-from autonomy.model import Ending, Outcome
-from autonomy.report import EXIT_CODES, FlightReport
+from autonomy.model import Ending, Outcome, Plan
+from autonomy.report import FlightReport
+from autonomy.tally import Tally
 from hal.config import validate_document
+from hal.sim.scenario import load_scenario
 
 
 def recorded_config(log: FlightLog) -> Config:
@@ -52,26 +54,47 @@ def report_of_log(path: Path) -> FlightReport:
     notes = [] if log.damage is None else [log.damage]
     if lost:
         notes.append(f"{lost} ticks are missing from the log")
-    header = log.header
-    return FlightReport(
-        ending=outcome.ending,
-        why=outcome.why,
-        exit_code=int(EXIT_CODES[outcome.ending]),
-        route_ned_m=route,
-        flight_time_s=tally.flight_time_s,
-        path_length_m=tally.path_length_m,
-        straight_length_m=polyline_length(((0.0, 0.0), *((goal[0], goal[1]) for goal in route))),
-        stops=tally.stops,
-        replans=tally.replans,
-        minimum_clearance_m=tally.minimum_clearance_m,
+    return tally.report(
+        outcome,
+        route,
         body_radius_m=config.body.radius_m,
-        max_speed_m_s=tally.max_speed_m_s,
-        timing=tally.planning.record(),
-        leg_kinds=tuple(tally.leg_kinds),
-        guard_limits=dict(tally.guard_limits),
-        events=tuple((event.stamp_s, event.name, event.why) for event in tally.events),
         log_path=str(path),
-        log_notes=tuple(notes),
-        seed=header.seed,
-        scenario=header.scenario or None,
+        log_notes=notes,
+        scenario=log.header.scenario or None,
+        seed=log.header.seed,
+    )
+
+
+def draw_log(path: Path, out: Path) -> None:
+    """Draw the flight recorded at `path` into a PNG: over its scenario where there was one.
+
+    The map is not in the log: the inputs are flown again, and the map that the pilot had at the end
+    is drawn. Raises NotReplayable, DocumentError, BadInput as the parts do.
+    """
+    log = FlightLog.open(path)
+    config, route = recorded_config(log), log.route()
+    guarded = GuardedPilot(config, route)
+    tally = Tally()
+    legs: list[tuple[str, tuple[Point, ...]]] = []
+    stops: list[Point] = []
+    for tick in log:
+        tally.note(tick.command, tick.inputs, tick.step_s)
+        guarded.step(tick.inputs)
+        decision = tick.command.decision
+        if isinstance(decision.plan, Plan):
+            legs.extend((leg.kind.value, leg.points) for leg in decision.plan.legs)
+        if decision.fused is not None and any(e.name == "stop" for e in decision.events):
+            stops.append(decision.fused.point)
+    hits = [(north, east) for north, east in guarded.pilot.sensing.map.hits().tolist()]
+    scenario = load_scenario(log.header.scenario) if log.header.scenario else None
+    pictures.save_flight(
+        out,
+        scenario=scenario,
+        fence=config.guard.fence,
+        flown=tally.track,
+        legs=legs,
+        hits=hits,
+        stops=stops,
+        goal=(route[-1][0], route[-1][1]),
+        title=f"{tally.path_length_m:.2f} m in {tally.flight_time_s:.0f} s, {tally.stops} stops",
     )

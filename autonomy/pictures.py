@@ -10,6 +10,7 @@ from typing import Any
 
 from autonomy.errors import BadInput
 from autonomy.model import NoPlan, ObstacleKind, Plan
+from hal.config import Fence
 from hal.sim.scenario import Box, Disc, Scenario, Wall
 
 PointNE = tuple[float, float]
@@ -60,13 +61,15 @@ def draw_flight(
     legs: Sequence[tuple[str, Sequence[PointNE]]] = (),
     hits: Sequence[PointNE] = (),
     discs: Sequence[tuple[PointNE, float]] = (),
+    stops: Sequence[PointNE] = (),
     start: PointNE | None = None,
     goal: PointNE | None = None,
 ) -> None:
     """A flight on matplotlib `axes`, over a scenario or alone; every point is (north, east).
 
     `flown` is the path flown; `legs` are (kind, polyline) with the kinds of LEG_STYLE, others are
-    drawn as straight ones; `hits` are range returns; `discs` are (centre, radius_m) of keep-outs.
+    drawn as straight ones; `hits` are range returns; `discs` are (centre, radius_m) of keep-outs;
+    `stops` are where the vehicle stopped to look.
     """
     from matplotlib.patches import Circle
 
@@ -93,6 +96,17 @@ def draw_flight(
             zorder=5,
             solid_capstyle="round",
             label="path flown",
+        )
+    if stops:
+        axes.scatter(
+            *_columns(stops),
+            marker="s",
+            s=34,
+            fc=PAPER,
+            ec=VERMILION,
+            lw=1.4,
+            zorder=6,
+            label="stop",
         )
     if start is not None:
         axes.plot(*_columns([start]), "o", color=BLUE, ms=7, mec=PAPER, zorder=6)
@@ -133,6 +147,31 @@ def save_plan(
     else:
         draw_flight(axes, (), hits=plan.evidence)
         _title(axes, f"{scenario.title}: no way")
+    _save(figure, path)
+
+
+def save_flight(
+    path: Path,
+    *,
+    scenario: Scenario | None,
+    fence: Fence,
+    flown: Sequence[PointNE],
+    legs: Sequence[tuple[str, Sequence[PointNE]]],
+    hits: Sequence[PointNE],
+    stops: Sequence[PointNE],
+    goal: PointNE,
+    title: str,
+) -> None:
+    """Draw a flight into a PNG file: over its scenario, or over the fence where there was none.
+
+    `legs` are those of every plan, the last drawn on top; `stops` are marked. Raises BadInput when
+    matplotlib is not installed or the file cannot be written.
+    """
+    world = scenario or Scenario(name="flight", title="Flight", goal_ne_m=goal, fence=fence)
+    figure, axes = _figure()
+    draw_scenario(axes, world.model_copy(update={"goal_ne_m": goal}), legend=False)
+    draw_flight(axes, flown, legs=legs, hits=hits, stops=stops)
+    _title(axes, f"{world.title}: {title}")
     _save(figure, path)
 
 
@@ -276,7 +315,7 @@ def _label_once(axes: Any) -> None:
             unique.keys(),
             loc="upper center",
             bbox_to_anchor=(0.5, -0.09),
-            ncols=len(unique),
+            ncols=min(4, len(unique)),
             frameon=False,
             fontsize=8,
             labelcolor=INK,

@@ -50,7 +50,14 @@ from hal.config import Fence
 from hal.errors import ConnectionFailed, HalError
 from hal.frames import ZERO3, Vector3, add, ned_from_frd, subtract
 from hal.interfaces import Clock
-from hal.readings import LandedState, LocalPosition, RangeReading, StatusText, VehicleFacts
+from hal.readings import (
+    FlightMode,
+    LandedState,
+    LocalPosition,
+    RangeReading,
+    StatusText,
+    VehicleFacts,
+)
 from hal.setpoints import Request, RequestKind
 from hal.sim.scenario import load_scenario
 from hal.vehicle.deadman import Deadman
@@ -82,6 +89,7 @@ def serve(options: ServeOptions) -> int:
     Raises BadInput, DocumentError, PortInUse, VehicleHeld before anything is connected.
     """
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(levelname)s %(message)s")
+    logging.getLogger("uvicorn").setLevel(logging.WARNING)
     config = _effective(options)
     access = access_of(config.service, os.environ)
     notifier = Notifier(os.environ)
@@ -468,6 +476,10 @@ class Service:
     ) -> FlightReport:
         """From preflight to landing."""
         vehicle, clock = connected.vehicle, self._drivers.clock
+        before = vehicle.status()
+        if before.mode is FlightMode.OFFBOARD and not before.armed:
+            # PX4 goes back to Offboard when it disarms after a landing, and refuses to arm there.
+            await vehicle.execute(Request(RequestKind.HOLD))
         deadman = Deadman(mission.config.deadman, vehicle.stop_now, vehicle.hold_now, clock)
         watch = FlightWatch(self._station, self._metrics, self._notifier, recorder)
         flight = Flight(

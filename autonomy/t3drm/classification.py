@@ -90,14 +90,6 @@ def environment_of(kinds: tuple[ObstacleKind, ...]) -> Environment:
     return Environment(present.pop().value)
 
 
-def regularity_of(edges_m: Floats) -> float:
-    """1 / (1 + variation) of the tree's edge lengths: 1 for evenly spaced hits, 0 for none."""
-    if edges_m.shape[0] == 0:
-        return 0.0
-    mean = float(edges_m.mean())
-    return 1.0 / (1.0 + float(edges_m.std()) / mean) if mean > 0.0 else 1.0
-
-
 def obstacles_of(
     linkage: Linkage,
     labels: Ints,
@@ -105,21 +97,23 @@ def obstacles_of(
     keep_out_m: float,
     config: PlannerConfig,
 ) -> tuple[Obstacle, ...]:
-    """The components as records for people, logs and the mission."""
-    rows = linkage.points.tolist()
+    """The components as records for people, logs and the mission.
+
+    Regularity is 1 / (1 + variation) of the tree's edge lengths: 1 for evenly spaced hits.
+    """
+    rows: list[Point] = [(n, e) for n, e in linkage.points.tolist()]
     deaths = _deaths(linkage, labels, len(shapes), keep_out_m)
     obstacles = []
     for shape, death in zip(shapes, deaths, strict=True):
-        edges = linkage.edge_m[shape.members]
         obstacles.append(
             Obstacle(
                 kind=kind_of(shape, config),
                 centre=shape.centre,
                 radius_m=shape.radius_m,
-                hull=tuple((rows[i][0], rows[i][1]) for i in shape.hull.tolist()),
-                hits=tuple((rows[i][0], rows[i][1]) for i in shape.members.tolist()),
+                hull=tuple([rows[i] for i in shape.hull.tolist()]),
+                hits=tuple([rows[i] for i in shape.members.tolist()]),
                 linearity=shape.linearity,
-                regularity=regularity_of(edges[edges < 2.0 * keep_out_m]),
+                regularity=kernels.regularity(linkage.edge_m, shape.members, 2.0 * keep_out_m),
                 death_m=death,
             )
         )

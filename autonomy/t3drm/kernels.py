@@ -345,6 +345,23 @@ def enclosing_circle(points: Floats) -> tuple[float, float, float]:
 
 
 @kernel
+def regularity(edges: Floats, members: Ints, longest: float) -> float:
+    """1 / (1 + deviation / mean) over the members' edges below `longest`; 0 when there are none."""
+    count, total, squares = 0, 0.0, 0.0
+    for k in members:
+        if edges[k] < longest:
+            count += 1
+            total += edges[k]
+            squares += edges[k] * edges[k]
+    if count == 0:
+        return 0.0
+    if total == 0.0:
+        return 1.0
+    mean = total / count
+    return 1.0 / (1.0 + math.sqrt(max(0.0, squares / count - mean * mean)) / mean)
+
+
+@kernel
 def describe(points: Floats, members: Ints) -> tuple[Ints, float, float, float, float]:
     """(hull as indices into `points`, circle north, east, radius, linearity) of `members`.
 
@@ -532,7 +549,7 @@ def _push(keys: Floats, items: Ints, size: int, key: float, item: int) -> tuple[
 
 
 # Columns of the table of directed tangents.
-_LENGTH, _DEPART, _ARRIVE, _AN, _AE, _BN, _BE, _COST = 0, 1, 2, 3, 4, 5, 6, 7
+_LENGTH, _DEPART, _AN, _AE, _BN, _BE, _COST = 0, 1, 2, 3, 4, 5, 6
 
 
 @kernel
@@ -546,10 +563,15 @@ def _lay_tangent(circles: Floats, o1: int, o2: int, row: Floats) -> bool:
         return False
     row[_LENGTH] = length
     row[_DEPART] = math.atan2(-r1 * tn, r1 * te)
-    row[_ARRIVE] = math.atan2(-r2 * tn, r2 * te)
     row[_AN], row[_AE] = c1[0] + r1 * te, c1[1] - r1 * tn
     row[_BN], row[_BE] = c2[0] + r2 * te, c2[1] - r2 * tn
     return True
+
+
+@kernel
+def _arrival(circles: Floats, i: int, row: Floats) -> float:
+    """Bearing from circle i at which the tangent touches it."""
+    return math.atan2(row[_BE] - circles[i, 1], row[_BN] - circles[i, 0])
 
 
 @kernel
@@ -627,9 +649,9 @@ def solve_tangents(circles: Floats, planes: Floats) -> tuple[bool, Ints, Floats]
     arrival that an earlier one reaches along its circle at no more cost is not expanded.
     """
     side = 2 * circles.shape[0]
-    table = np.empty((side * side, 8))
+    table = np.empty((side * side, 7))
     state = np.zeros(side * side, dtype=np.uint8)  # 1: laid, 2: there is none or it is blocked
-    came = np.full(side * side, -1, dtype=np.int64)
+    came = np.empty(side * side, dtype=np.int64)
     bars, bar_counts = _barred_bearings(circles, planes)
     arrivals = np.empty((side, 8, 3))
     arrival_counts = np.zeros(side, dtype=np.int64)
@@ -645,7 +667,7 @@ def solve_tangents(circles: Floats, planes: Floats) -> tuple[bool, Ints, Floats]
         row = table[edge]
         o = edge % side
         i = o >> 1
-        cost, at_rad = row[_COST], row[_ARRIVE]
+        cost, at_rad = row[_COST], _arrival(circles, i, row)
         if o != 2 and _dominated(arrivals, arrival_counts, o, circles[i, 2], at_rad, cost):
             continue
         if not _edge_is_free((edge // side) >> 1, i, row[_AN : _BE + 1], circles, planes):
@@ -680,8 +702,9 @@ ROW_AN, ROW_AE, ROW_BN, ROW_BE, ROW_DISC, ROW_SWEEP = 0, 1, 2, 3, 4, 5
 
 
 @kernel
-def _rows(chain: Ints, table: Floats, side: int, active: Ints) -> Floats:
+def _rows(chain: Ints, table: Floats, circles: Floats, active: Ints) -> Floats:
     """The chain as rows (from, to, disc, signed sweep): tangent segments and arcs in turn."""
+    side = 2 * circles.shape[0]
     rows = np.empty((2 * chain.shape[0], 6))
     count = 0
     for c in range(chain.shape[0]):
@@ -690,7 +713,7 @@ def _rows(chain: Ints, table: Floats, side: int, active: Ints) -> Floats:
             before = table[chain[c - 1]]
             o = edge // side
             sense = -1.0 if o & 1 else 1.0
-            arc = ahead(sense, before[_ARRIVE], table[edge, _DEPART])
+            arc = ahead(sense, _arrival(circles, o >> 1, before), table[edge, _DEPART])
             if arc > TIE_RAD:
                 rows[count, 0:2] = before[_BN : _BE + 1]
                 rows[count, 2:4] = table[edge, _AN : _AE + 1]
@@ -722,6 +745,21 @@ def _depth(row: Floats, centres: Floats, radii: Floats, k: int) -> float:
 
 
 @kernel
+def _box_of(row: Floats, centres: Floats, radii: Floats, margin: float) -> Floats:
+    """(north low, high, east low, high) of a row of the path, wider by `margin`."""
+    box = np.empty(4)
+    box[0], box[1] = min(row[0], row[2]) - margin, max(row[0], row[2]) + margin
+    box[2], box[3] = min(row[1], row[3]) - margin, max(row[1], row[3]) + margin
+    if row[ROW_DISC] >= 0.0:
+        # The arc bulges out of its chord's box by no more than its sagitta.
+        half = min(0.5 * abs(row[ROW_SWEEP]), math.pi)
+        bulge = radii[int(row[ROW_DISC])] * (1.0 - math.cos(half))
+        box[0], box[1] = box[0] - bulge, box[1] + bulge
+        box[2], box[3] = box[2] - bulge, box[3] + bulge
+    return box
+
+
+@kernel
 def _activate(active: Ints, flags: Mask, count: int, k: int) -> int:
     if flags[k] == 0:
         flags[k] = 1
@@ -746,12 +784,15 @@ def _add_cut_discs(
     components = labels.max() + 1 if labels.shape[0] > 0 else 0
     deepest = np.empty(components)
     who = np.empty(components, dtype=np.int64)
+    widest = radii.max() if radii.shape[0] > 0 else 0.0
     for c in range(rows.shape[0]):
         deepest[:] = CUT_M
         who[:] = -1
         cut = False
+        box = _box_of(rows[c], centres, radii, widest)
         for k in range(centres.shape[0]):
-            if flags[k] == 0:
+            n, e = centres[k, 0], centres[k, 1]
+            if flags[k] == 0 and box[0] < n < box[1] and box[2] < e < box[3]:
                 depth = _depth(rows[c], centres, radii, k)
                 if depth > deepest[labels[k]]:
                     deepest[labels[k]] = depth
@@ -828,7 +869,7 @@ def lazy_route(
         found, path, table = solve_tangents(circles, planes)
         if not found:
             return CLOSED, none, active[:count], rounds
-        rows = _rows(path, table, 2 * (count + 2), active)
+        rows = _rows(path, table, circles, active)
 
 
 # ---------------------------------------------------------------- out of the keep-out

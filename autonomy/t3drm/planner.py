@@ -111,7 +111,8 @@ def violated(points: Floats, hits: Floats, keep_out_m: float) -> Violation | Non
     """
     if points.shape[0] < 2 or hits.shape[0] == 0:
         return None
-    segment, along, who = kernels.first_violation(points, hits, keep_out_m)
+    # A copy for the same reason as in `Planner.plan`: the map hands out read-only arrays.
+    segment, along, who = kernels.first_violation(points, np.array(hits), keep_out_m)
     if segment < 0:
         return None
     return Violation(int(segment), float(along), (float(hits[who, 0]), float(hits[who, 1])))
@@ -147,7 +148,8 @@ class Planner:
         the start keeps less, and says how much. A goal inside a keep-out is replaced by the
         nearest free place within `tolerance_m` of it.
         """
-        points = np.ascontiguousarray(hits, dtype=np.float64).reshape(-1, 2)
+        # A copy, because a read-only array is another type to numba: it would compile in flight.
+        points = np.array(hits, dtype=np.float64).reshape(-1, 2)
         scene = Scene(start, goal, points, Linkage.of(points), tolerance_m)
         if self.fence.inside_distance_m(*goal) < 0.0:
             return self._no_plan(scene, "the goal lies outside the fence", ())

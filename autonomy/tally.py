@@ -1,0 +1,104 @@
+"""What adds up over a flight, tick by tick, and becomes its report.
+
+Fed by a flight as it happens, or by its log afterwards.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from autonomy.geometry import Point, distance, polyline_length
+from autonomy.mission.machine import OFFBOARD_STATES
+from autonomy.model import Command, Event, Inputs, Outcome, Plan
+from autonomy.planning_time import PlanningTime
+from autonomy.report import EXIT_CODES, FlightReport
+from hal.frames import Vector3
+from hal.readings import LandedState
+
+
+@dataclass
+class Tally:
+    """Sums, extremes and counts of one flight."""
+
+    planning: PlanningTime = field(default_factory=PlanningTime)
+    path_length_m: float = 0.0
+    minimum_clearance_m: float | None = None
+    max_speed_m_s: float = 0.0
+    flight_time_s: float = 0.0
+    late_ticks: int = 0
+    stops: int = 0
+    replans: int = 0
+    leg_kinds: list[str] = field(default_factory=list)
+    guard_limits: Counter[str] = field(default_factory=Counter)
+    events: list[Event] = field(default_factory=list)
+    track: list[Point] = field(default_factory=list)
+    _airborne_s: float | None = None
+
+    def note(self, command: Command, inputs: Inputs, step_s: float) -> None:
+        """Add one tick."""
+        decision = command.decision
+        self.stops, self.replans = decision.stops, decision.replans
+        self.events.extend(decision.events)
+        self.guard_limits.update(command.guard.limits)
+        self.planning.note(decision, step_s)
+        if isinstance(decision.plan, Plan):
+            for leg in decision.plan.legs:
+                if leg.kind.value not in self.leg_kinds:
+                    self.leg_kinds.append(leg.kind.value)
+        fused = decision.fused
+        if fused is None or not fused.ok or not inputs.status.armed:
+            return
+        if inputs.status.landed is LandedState.ON_GROUND:
+            return
+        if self._airborne_s is None:
+            self._airborne_s = decision.now_s
+        self.flight_time_s = decision.now_s - self._airborne_s
+        # Steps shorter than the noise would add up to a length that nobody flew.
+        if not self.track:
+            self.track.append(fused.point)
+        elif (step_m := distance(self.track[-1], fused.point)) > 0.03:
+            self.path_length_m += step_m
+            self.track.append(fused.point)
+        velocity = fused.velocity_ned_m_s
+        self.max_speed_m_s = max(self.max_speed_m_s, (velocity[0] ** 2 + velocity[1] ** 2) ** 0.5)
+        if decision.state in OFFBOARD_STATES:
+            known = self.minimum_clearance_m
+            clearance_m = decision.clearance_m
+            self.minimum_clearance_m = clearance_m if known is None else min(known, clearance_m)
+
+    def report(
+        self,
+        outcome: Outcome,
+        route_ned_m: tuple[Vector3, ...],
+        *,
+        body_radius_m: float,
+        log_path: str | None = None,
+        log_notes: Sequence[str] = (),
+        scenario: str | None = None,
+        seed: int | None = None,
+    ) -> FlightReport:
+        """What the flight was; the clearance is the mapped one."""
+        straight = ((0.0, 0.0), *((goal[0], goal[1]) for goal in route_ned_m))
+        return FlightReport(
+            ending=outcome.ending,
+            why=outcome.why,
+            exit_code=int(EXIT_CODES[outcome.ending]),
+            route_ned_m=route_ned_m,
+            flight_time_s=self.flight_time_s,
+            path_length_m=self.path_length_m,
+            straight_length_m=polyline_length(straight),
+            stops=self.stops,
+            replans=self.replans,
+            minimum_clearance_m=self.minimum_clearance_m,
+            body_radius_m=body_radius_m,
+            max_speed_m_s=self.max_speed_m_s,
+            timing=self.planning.record(),
+            leg_kinds=tuple(self.leg_kinds),
+            guard_limits=dict(self.guard_limits),
+            late_ticks=self.late_ticks,
+            events=tuple((event.stamp_s, event.name, event.why) for event in self.events),
+            log_path=log_path,
+            log_notes=tuple(log_notes),
+            seed=seed,
+            scenario=scenario,
+        )
