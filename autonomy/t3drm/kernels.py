@@ -745,7 +745,7 @@ def _depth(row: Floats, centres: Floats, radii: Floats, k: int) -> float:
 
 
 @kernel
-def _box_of(row: Floats, centres: Floats, radii: Floats, margin: float) -> Floats:
+def _box_of(row: Floats, radii: Floats, margin: float) -> Floats:
     """(north low, high, east low, high) of a row of the path, wider by `margin`."""
     box = np.empty(4)
     box[0], box[1] = min(row[0], row[2]) - margin, max(row[0], row[2]) + margin
@@ -789,7 +789,7 @@ def _add_cut_discs(
         deepest[:] = CUT_M
         who[:] = -1
         cut = False
-        box = _box_of(rows[c], centres, radii, widest)
+        box = _box_of(rows[c], radii, widest)
         for k in range(centres.shape[0]):
             n, e = centres[k, 0], centres[k, 1]
             if flags[k] == 0 and box[0] < n < box[1] and box[2] < e < box[3]:
