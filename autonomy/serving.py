@@ -347,6 +347,7 @@ class Service:
             record = self._station.take_mission()
             if record is not None:
                 await self._fly(record, connected)
+                self._look(connected)
                 self._ready(connected)
             for command in self._station.take_commands():
                 await self._obey_at_rest(command, connected)
@@ -441,7 +442,8 @@ class Service:
                 report = await self._flown(mission, route, offset, connected, recorder)
             except Exception as error:  # noqa: BLE001 - the vehicle is down; the next mission must not be lost
                 traceback.print_exception(error)
-                why = f"a defect of this program: {type(error).__name__}: {error}"
+                cause = _innermost(error)
+                why = f"a defect of this program: {type(cause).__name__}: {cause}"
                 report = _failed(route, why)
         self._keep(record.id, report)
 
@@ -507,7 +509,7 @@ class Service:
             self._flight = None
             home = flight.sensing.home_ned_m
             self._origin_ned_m = (home[0] - offset[0], home[1] - offset[1], home[2])
-            self._last_position = None
+            self._last_position = vehicle.local_position()
             self._left_in_air = vehicle.status().armed
         return app.report_of(mission, route, outcome, flight.tally, recorder)
 
@@ -634,6 +636,14 @@ class Notes:
     def note(self, text: str) -> None:
         """One line."""
         self._station.tell("note", text)
+
+
+def _innermost(error: Exception) -> BaseException:
+    """What a task group wrapped."""
+    cause: BaseException = error
+    while isinstance(cause, BaseExceptionGroup):
+        cause = cause.exceptions[0]
+    return cause
 
 
 def _failed(route: tuple[Vector3, ...], why: str) -> FlightReport:

@@ -1,0 +1,320 @@
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from starlette.testclient import TestClient
+from starlette.websockets import WebSocketDisconnect
+
+from autonomy.config import Config
+from autonomy.errors import BadInput
+from autonomy.model import OperatorCommand
+from autonomy.service.api import BODY_BYTES_MAX, ORDERS_BURST, Access, Api, Bucket
+from autonomy.service.contract import MissionOrder, Phase
+from autonomy.service.metrics import Metrics
+from autonomy.service.station import Instant, Station
+from hal.readings import FlightMode, LandedState, VehicleStatus
+
+TOKEN = "a-token-of-thirty-two-characters"  # noqa: S105 - of this test alone
+STREAM = "ws://127.0.0.1:8042/v1/stream"
+JSON = {"content-type": "application/json"}
+PATHS = (
+    "/v1/state", "/v1/room", "/v1/events", "/v1/config", "/v1/missions", "/v1/logs", "/metrics",
+)  # fmt: skip
+
+
+def inside_the_fence(order: MissionOrder) -> None:
+    if abs(order.goals[0][0]) > 10.0:
+        raise BadInput("goal 1 is outside the geofence; choose a goal inside it")
+
+
+@pytest.fixture
+def station() -> Station:
+    station = Station(Config(), inside_the_fence)
+    status = VehicleStatus(0.0, False, FlightMode.HOLD, LandedState.ON_GROUND, 0.0)
+    station.at_rest(Instant(0.0, status, {}))
+    station.enter(Phase.READY, "PX4 is ready for a mission")
+    return station
+
+
+def client_of(station: Station, folder: Path, access: Access = Access(None)) -> TestClient:  # noqa: B008 - immutable
+    api = Api(station, Metrics(station), access, log_folder=folder)
+    return TestClient(
+        api.application(), base_url="http://127.0.0.1:8042", raise_server_exceptions=False
+    )
+
+
+@pytest.fixture
+def client(station: Station, tmp_path: Path) -> Iterator[TestClient]:
+    with client_of(station, tmp_path) as client:
+        yield client
+
+
+def nothing_was_asked(station: Station) -> bool:
+    return station.take_mission() is None and station.take_commands() == ()
+
+
+def test_every_document_can_be_read(client: TestClient) -> None:
+    for path in (*PATHS, "/v1/health", "/v1/openapi.json", "/", "/web/page.js", "/web/style.css"):
+        answer = client.get(path)
+        assert answer.status_code == 200, path
+        assert "default-src 'self'" in answer.headers["content-security-policy"]
+
+
+def test_a_mission_is_created_listed_read_and_taken_back(
+    client: TestClient, station: Station
+) -> None:
+    created = client.post("/v1/missions", json={"goals": [[4, 3]], "altitude_m": 1.2})
+    assert created.status_code == 201
+    name = created.json()["id"]
+    assert [m["id"] for m in client.get("/v1/missions").json()] == [name]
+    assert client.get(f"/v1/missions/{name}").json()["status"] == "queued"
+    again = client.post("/v1/missions", json={"goals": [[4, 3]]})
+    assert (again.status_code, name in again.json()["error"]) == (409, True)
+    assert client.delete(f"/v1/missions/{name}").json()["status"] == "cancelled"
+    assert nothing_was_asked(station)
+
+
+@pytest.mark.parametrize("name", ["stop", "land"])
+def test_an_order_is_queued_and_never_limited(
+    client: TestClient, station: Station, name: str
+) -> None:
+    for _ in range(ORDERS_BURST * 3):
+        assert client.post(f"/v1/{name}").status_code == 202
+    assert set(station.take_commands()) == {OperatorCommand(name)}
+
+
+def test_too_many_missions_at_once_are_refused(client: TestClient) -> None:
+    codes = [
+        client.post("/v1/missions", content=b"{}", headers=JSON).status_code
+        for _ in range(ORDERS_BURST + 5)
+    ]
+    assert codes[0] == 422
+    assert codes[-1] == 429
+
+
+def test_the_bucket_fills_again() -> None:
+    bucket = Bucket(per_s=2.0, burst=2)
+    assert [bucket.take(10.0) for _ in range(3)] == [True, True, False]
+    assert [bucket.take(10.6), bucket.take(10.6), bucket.take(99.0)] == [True, False, True]
+
+
+MALFORMED: tuple[bytes, ...] = (
+    b"", b"{", b"[]", b"null", b"{}", b'{"goals": []}', b'{"goals": [[1]]}',
+    b'{"goals": [[1, 2, 3, 4]]}', b'{"goals": [[NaN, 1]]}', b'{"goals": [[1e999, 1]]}',
+    b'{"goals": [["1", 2]]}', b'{"goals": [[1, 2]], "goal": 1}',
+    b'{"goals": [[1, 2]], "frame": "x"}',
+    b'{"goals": [[1, 2]], "altitude_m": -1}', b'{"goals": [[1, 2]], "altitude_m": 0}',
+    b'{"goals": [[99999, 2]]}', b"\xff\xfe", b'{"goals": [[1, 2]], "land": "yes"}',
+    b'{"goals": [' + b"[1,2]," * 40 + b"[1,2]]}",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("body", MALFORMED)
+def test_what_is_no_mission_is_refused_with_a_sentence_and_moves_nothing(
+    client: TestClient, station: Station, body: bytes
+) -> None:
+    answer = client.post("/v1/missions", content=body, headers=JSON)
+    assert answer.status_code == 422
+    assert answer.json()["error"].startswith("this is not a mission")
+    assert nothing_was_asked(station)
+
+
+@settings(
+    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    st.recursive(
+        st.none()
+        | st.booleans()
+        | st.integers()
+        | st.floats(allow_nan=False)
+        | st.text(max_size=8),
+        lambda inner: (
+            st.lists(inner, max_size=4)
+            | st.dictionaries(st.sampled_from(["goals", "frame", "land", "x"]), inner, max_size=4)
+        ),
+        max_leaves=12,
+    )
+)
+def test_no_body_is_answered_with_a_defect(station: Station, tmp_path: Path, value: Any) -> None:
+    client = client_of(station, tmp_path)
+    body = msgspec.json.encode(value) if abs_fits(value) else b"0"
+    assert client.post("/v1/missions", content=body, headers=JSON).status_code in (
+        201,
+        409,
+        422,
+        429,
+    )
+    station.command(OperatorCommand.STOP)
+    station.take_commands()
+
+
+def abs_fits(value: Any) -> bool:
+    """msgspec writes integers of up to 64 bits."""
+    try:
+        msgspec.json.encode(value)
+    except (OverflowError, ValueError):
+        return False
+    return True
+
+
+def test_a_goal_that_must_not_be_flown_is_refused_with_its_sentence(client: TestClient) -> None:
+    answer = client.post("/v1/missions", json={"goals": [[11, 0]]})
+    assert (answer.status_code, "outside the geofence" in answer.json()["error"]) == (422, True)
+
+
+def test_a_body_that_is_too_long_or_not_json_is_not_read(
+    client: TestClient, station: Station
+) -> None:
+    long = b'{"goals": [[1, 2]]' + b" " * BODY_BYTES_MAX + b"}"
+    assert client.post("/v1/missions", content=long, headers=JSON).status_code == 413
+    plain = {"content-type": "text/plain"}
+    good = b'{"goals": [[1, 2]]}'
+    assert client.post("/v1/missions", content=good, headers=plain).status_code == 415
+
+    def chunks() -> Iterator[bytes]:
+        for _ in range(20):
+            yield b" " * 1024
+
+    assert client.post("/v1/missions", content=chunks(), headers=JSON).status_code == 413
+    assert nothing_was_asked(station)
+
+
+@pytest.mark.parametrize(
+    "path", ["/v1/missions/none", "/v1/nothing", "/web/..%2fapi.py", "/web/none"]
+)
+def test_what_is_not_there_is_said_so(client: TestClient, path: str) -> None:
+    answer = client.get(path)
+    assert (answer.status_code, list(answer.json())) == (404, ["error"])
+
+
+def test_a_method_that_does_not_fit_is_refused(client: TestClient, station: Station) -> None:
+    assert client.get("/v1/stop").status_code == 405
+    assert client.put("/v1/missions", json={}).status_code == 405
+    assert nothing_was_asked(station)
+
+
+# ---------------------------------------------------------------- who may ask
+
+
+def test_other_web_pages_cannot_command(client: TestClient, station: Station) -> None:
+    for headers in (
+        {"origin": "http://evil.example"},
+        {"origin": "null"},
+        {"origin": "http://127.0.0.1:9999"},
+    ):
+        assert client.post("/v1/stop", headers=headers).status_code == 403
+    assert client.post("/v1/stop", headers={"host": "evil.example"}).status_code == 421
+    assert nothing_was_asked(station)
+    own = {"origin": "http://127.0.0.1:8042"}
+    assert client.post("/v1/stop", headers=own).status_code == 202
+
+
+def test_with_a_token_nothing_of_worth_is_told_without_it(station: Station, tmp_path: Path) -> None:
+    client = client_of(station, tmp_path, Access(TOKEN, None))
+    for path in PATHS:
+        assert client.get(path).status_code == 401
+        wrong = {"authorization": f"Bearer {TOKEN}x"}
+        assert client.get(path, headers=wrong).status_code == 401
+        assert client.get(path, headers={"authorization": f"Bearer {TOKEN}"}).status_code == 200
+    assert client.post("/v1/stop").status_code == 401
+    assert client.get("/v1/health").status_code == 200
+    assert nothing_was_asked(station)
+
+
+@pytest.mark.parametrize("given", ["", "ä", TOKEN[:-1], TOKEN + "\n", TOKEN.upper()])
+def test_only_the_token_itself_fits(given: str) -> None:
+    assert not Access(TOKEN, None).token_fits(given)
+
+
+# ---------------------------------------------------------------- the stream
+
+
+def test_the_stream_begins_with_the_room_and_goes_on_with_the_state(client: TestClient) -> None:
+    with client.websocket_connect(STREAM) as socket:
+        kinds = [socket.receive_json()["type"] for _ in range(5)]
+    assert kinds[0] == "room"
+    assert "event" in kinds
+    assert kinds[-1] == "state"
+
+
+def test_the_stream_is_refused_without_a_token(station: Station, tmp_path: Path) -> None:
+    closed = client_of(station, tmp_path, Access(TOKEN, None))
+    refused(closed)
+    offered = ["autonomy.v1", f"bearer.{TOKEN}"]
+    with closed.websocket_connect(STREAM, subprotocols=offered) as socket:
+        assert socket.accepted_subprotocol == "autonomy.v1"
+        assert socket.receive_json()["type"] == "room"
+
+
+def test_the_stream_is_refused_to_other_pages(client: TestClient) -> None:
+    refused(client, origin="http://evil.example")
+
+
+def refused(client: TestClient, **headers: str) -> None:
+    with pytest.raises(WebSocketDisconnect), client.websocket_connect(STREAM, headers=headers):
+        pytest.fail("it was let in")
+
+
+# ---------------------------------------------------------------- logs
+
+
+def test_logs_are_listed_with_their_reports_and_downloaded(
+    client: TestClient, tmp_path: Path
+) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"flight a")
+    (tmp_path / "a.mcap.report.json").write_text('{"ending": "goal_reached"}')
+    (tmp_path / "b.mcap").write_bytes(b"flight b")
+    (tmp_path / "b.mcap.report.json").write_text("{cut")
+    (tmp_path / "secret.txt").write_text("x")
+    listed = {log["name"]: log["report"] for log in client.get("/v1/logs").json()}
+    assert listed == {"a.mcap": {"ending": "goal_reached"}, "b.mcap": None}
+    assert client.get("/v1/logs/a.mcap").content == b"flight a"
+
+
+@pytest.mark.parametrize(
+    "name", ["secret.txt", "..%2Fsecret.mcap", "link.mcap", "folder.mcap", "%00", "a.mcap%00"]
+)
+def test_nothing_beside_the_logs_can_be_read(client: TestClient, tmp_path: Path, name: str) -> None:
+    (tmp_path / "secret.txt").write_text("x")
+    (tmp_path.parent / "secret.mcap").write_text("x")
+    (tmp_path / "folder.mcap").mkdir()
+    (tmp_path / "link.mcap").symlink_to("/etc/hostname")
+    assert client.get(f"/v1/logs/{name}").status_code == 404
+
+
+def test_a_folder_that_is_not_there_holds_no_logs(station: Station, tmp_path: Path) -> None:
+    client = client_of(station, tmp_path / "none")
+    assert client.get("/v1/logs").json() == []
+
+
+# ---------------------------------------------------------------- descriptions
+
+
+def test_the_description_names_every_path_and_only_those(
+    station: Station, tmp_path: Path, client: TestClient
+) -> None:
+    described = client.get("/v1/openapi.json").json()
+    for path, operations in described["paths"].items():
+        concrete = path.replace("{id}", "none").replace("{name}", "none")
+        for method in set(operations) - {"parameters"}:
+            answer = client.request(method.upper(), concrete)
+            assert answer.status_code != 405, (method, path)
+            assert str(answer.status_code) in operations[method]["responses"], (method, path)
+    references = msgspec.json.encode(described).decode().split('"#/components/schemas/')[1:]
+    for reference in references:
+        assert reference.partition('"')[0] in described["components"]["schemas"]
+
+
+def test_the_page_needs_nothing_from_elsewhere() -> None:
+    folder = Path(__file__).parents[4] / "autonomy" / "service" / "web"
+    for path in folder.iterdir():
+        text = path.read_text().replace("http://www.w3.org/2000/svg", "")
+        assert "http://" not in text, path
+        assert "https://" not in text, path
+        assert " style=" not in text, path
+        assert "<script>" not in text, path

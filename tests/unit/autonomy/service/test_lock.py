@@ -1,0 +1,81 @@
+import os
+from pathlib import Path
+
+import pytest
+
+from autonomy.errors import BadInput
+from autonomy.service.lock import Holder, VehicleHeld, VehicleLock, endpoint, holder_of
+
+URL = "udpin://0.0.0.0:14540"
+
+
+def holder(name: str = "autonomy fly") -> Holder:
+    return Holder(name, os.getpid(), "2026-11-22T04:00:00")
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        ("udpin://0.0.0.0:14540", "udpin://127.0.0.1:14540", True),
+        ("udpin://0.0.0.0:14540", "udpin://0.0.0.0:14541", False),
+        ("serial:///dev/ttyACM0:921600", "serial:///dev/ttyACM0:57600", True),
+        ("serial:///dev/ttyACM0", "serial:///dev/ttyACM1", False),
+        ("tcpout://10.0.0.2:5760", "tcpout://10.0.0.3:5760", False),
+    ],
+)
+def test_urls_of_one_endpoint_share_one_lock(one: str, other: str, same: bool) -> None:
+    assert (endpoint(one) == endpoint(other)) is same
+
+
+@pytest.mark.parametrize("url", ["../../etc/passwd", "serial:///dev/../x", "udpin://0.0.0.0", ""])
+def test_an_endpoint_is_always_one_plain_file_name(url: str) -> None:
+    assert "/" not in endpoint(url)
+
+
+def test_a_second_pilot_is_refused_and_told_who_holds_the_vehicle(tmp_path: Path) -> None:
+    with VehicleLock(URL, holder("autonomy serve"), tmp_path) as lock:
+        lock.reachable_at("http://127.0.0.1:8042")
+        with (
+            pytest.raises(VehicleHeld, match=f"held by autonomy serve .process {os.getpid()}") as e,
+            VehicleLock(URL, holder(), tmp_path),
+        ):
+            pass
+        assert e.value.holder is not None
+        assert e.value.holder.api == "http://127.0.0.1:8042"
+        assert holder_of(URL, tmp_path) == e.value.holder
+    assert holder_of(URL, tmp_path) is None
+
+
+def test_another_vehicle_is_free(tmp_path: Path) -> None:
+    with (
+        VehicleLock(URL, holder(), tmp_path),
+        VehicleLock("udpin://0.0.0.0:14550", holder(), tmp_path),
+    ):
+        pass
+
+
+def test_a_shorter_name_leaves_nothing_of_a_longer_one_before(tmp_path: Path) -> None:
+    with VehicleLock(URL, holder("a very long name " * 20), tmp_path):
+        pass
+    with VehicleLock(URL, holder("short"), tmp_path):
+        assert holder_of(URL, tmp_path) == holder("short")
+
+
+def test_a_lock_that_names_nobody_still_locks(tmp_path: Path) -> None:
+    with VehicleLock(URL, holder(), tmp_path) as lock:
+        lock.path.write_text("scribble")
+        with (
+            pytest.raises(VehicleHeld, match="another process"),
+            VehicleLock(URL, holder(), tmp_path),
+        ):
+            pass
+
+
+def test_a_link_in_the_lock_s_place_is_not_followed(tmp_path: Path) -> None:
+    lock = VehicleLock(URL, holder(), tmp_path)
+    target = tmp_path / "precious"
+    target.write_text("keep")
+    lock.path.symlink_to(target)
+    with pytest.raises(BadInput, match="cannot be opened"), lock:
+        pass
+    assert target.read_text() == "keep"

@@ -1,0 +1,82 @@
+import threading
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from autonomy.config import Config, ServiceConfig
+from autonomy.errors import BadInput
+from autonomy.service.api import Access, Api
+from autonomy.service.client import Client, NoService
+from autonomy.service.metrics import Metrics
+from autonomy.service.server import WebServer, access_of, is_loopback, listening_socket, url_of
+from autonomy.service.station import Station
+from hal.errors import PortInUse
+
+TOKEN = "x" * 20
+
+
+def accept(_: object) -> None:
+    """Anything may be flown."""
+
+
+@pytest.mark.parametrize("host", ["10.0.0.7", "192.168.1.5", "::", "drone.local"])
+def test_beyond_loopback_a_token_is_demanded(host: str) -> None:
+    with pytest.raises(BadInput, match="needs a token"):
+        access_of(ServiceConfig(host=host), {})
+    assert access_of(ServiceConfig(host=host), {"AUTONOMY_TOKEN": TOKEN}).token == TOKEN
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1", "127.8.8.8"])
+def test_loopback_needs_none(host: str) -> None:
+    assert is_loopback(host)
+    assert access_of(ServiceConfig(host=host), {}).token is None
+
+
+def test_a_token_s_file_is_read_and_a_useless_one_refused(tmp_path: Path) -> None:
+    path = tmp_path / "token"
+    config = ServiceConfig(host="192.168.1.5", token_file=str(path))
+    with pytest.raises(BadInput, match="cannot be read"):
+        access_of(config, {})
+    path.write_text("\n")
+    with pytest.raises(BadInput, match="holds no token"):
+        access_of(config, {})
+    path.write_text("short")
+    with pytest.raises(BadInput, match="shorter than 20"):
+        access_of(config, {})
+    path.write_text(TOKEN + "\n")
+    assert access_of(config, {}).token == TOKEN
+
+
+def test_a_port_that_is_taken_is_said_so() -> None:
+    with listening_socket("127.0.0.1", 0) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(PortInUse, match=f"port {port}"):
+            listening_socket("127.0.0.1", port)
+    with pytest.raises(BadInput, match="cannot listen"):
+        listening_socket("203.0.113.1", 0)
+
+
+def test_a_real_server_answers_and_ends_with_its_thread(tmp_path: Path) -> None:
+    station = Station(Config(), accept)
+    api = Api(station, Metrics(station), Access(None), log_folder=tmp_path)
+    listening = listening_socket("127.0.0.1", 0)
+    url = url_of(listening)
+    with WebServer(api.application(), listening):
+        with urllib.request.urlopen(f"{url}/v1/health", timeout=5) as answer:  # noqa: S310 - our own
+            assert answer.status == 200
+        client = Client(url)
+        assert client.state().why == "starting"
+        with pytest.raises(BadInput, match="there is no vehicle"):
+            client.command("stop")
+        with pytest.raises(BadInput, match="no such mission"):
+            next(client.follow("none"))
+    assert "web" not in [thread.name for thread in threading.enumerate()]
+    with pytest.raises(NoService, match="autonomy serve"):
+        Client(url).state()
+
+
+@pytest.mark.parametrize("url", ["", "ftp://x:1", "http://", "http://host", "http://h:99999"])
+def test_an_address_that_is_none_is_refused(url: str) -> None:
+    with pytest.raises(BadInput, match="not a service's address"):
+        Client(url)

@@ -1,0 +1,276 @@
+"""The service with everything but the vehicle: waiting, flying, frames, ends."""
+
+import asyncio
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from autonomy.config import Config
+from autonomy.errors import BadInput
+from autonomy.model import OperatorCommand
+from autonomy.service.contract import MissionOrder, MissionRecord, MissionStatus, Phase
+from autonomy.service.metrics import Metrics
+from autonomy.service.station import Station
+from autonomy.service.systemd import Notifier
+from autonomy.serving import Desk, Service, shifted
+from autonomy.simulation import with_scenario
+from hal.readings import FlightMode, LandedState
+from hal.sim.scenario import load_scenario
+from tests.support.simulated_drivers import Rig
+
+TURNS = 40_000
+"""Turns of the event loop after which a test gives up; simulated time does not wait."""
+
+
+class Stage:
+    """A service around a rig, with words for what tests do to it."""
+
+    def __init__(self, folder: Path, scenario: str = "empty") -> None:
+        world = load_scenario(scenario)
+        config = with_scenario(Config(), world)
+        self.config = config.model_copy(
+            update={
+                "log": config.log.model_copy(update={"directory": str(folder)}),
+                "service": config.service.model_copy(update={"reconnect_after_s": 0.3}),
+            }
+        )
+        self.rig = Rig(world, self.config)
+        desk = Desk(self.config, None)
+        self.station = Station(self.config, desk.check)
+        desk.station = self.station
+        self.metrics = Metrics(self.station)
+        self.service = Service(
+            self.config, desk, self.station, self.metrics, Notifier({}), self.rig.drivers()
+        )
+
+    async def until_true(self, holds: Callable[[], bool]) -> None:
+        for _ in range(TURNS):
+            if holds():
+                return
+            await asyncio.sleep(0.0005)
+        pytest.fail(f"it never came to that: {self.station.why}")
+
+    async def until(self, phase: Phase) -> None:
+        await self.until_true(lambda: self.station.phase is phase)
+
+    async def fly(self, order: MissionOrder) -> MissionRecord:
+        record = self.station.submit(order)
+        return await self.ended(record.id)
+
+    async def ended(self, name: str) -> MissionRecord:
+        await self.until_true(lambda: self.record(name).over)
+        await self.until(Phase.READY)
+        return self.record(name)
+
+    def record(self, name: str) -> MissionRecord:
+        record = self.station.mission(name)
+        assert record is not None
+        return record
+
+    def truth_ne(self) -> tuple[float, float]:
+        position = self.rig.vehicle.truth().position_ned_m
+        return position[0], position[1]
+
+
+def events(stage: Stage) -> str:
+    return "\n".join(f"{event.name}: {event.why}" for event in stage.station.events)
+
+
+async def test_missions_begin_where_the_last_one_ended_and_keep_the_room_s_frame(
+    tmp_path: Path,
+) -> None:
+    stage = Stage(tmp_path)
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        for goal in ([1.0, 0.5], [1.0, -0.5], [0.0, 0.0]):
+            record = await stage.fly(MissionOrder(goals=(goal,)))
+            assert record.ending == "goal_reached", record.why
+            assert math.dist(stage.truth_ne(), goal) < 0.3
+            assert record.log is not None
+            assert (tmp_path / record.log).exists()
+            assert (tmp_path / (record.log + ".report.json")).exists()
+        stage.service.stop()
+    text = stage.metrics.text().decode()
+    assert 'autonomy_missions_total{ending="goal_reached"} 3.0' in text
+
+
+async def test_a_goal_is_checked_against_the_fence_where_it_stands_not_where_the_vehicle_is(
+    tmp_path: Path,
+) -> None:
+    stage = Stage(tmp_path)
+    north_m = stage.config.guard.fence.bounds()[1]
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        await stage.fly(MissionOrder(goals=([1.0, 0.0],)))
+        with pytest.raises(BadInput, match="outside the geofence"):
+            stage.station.submit(MissionOrder(goals=([north_m + 0.5, 0.0],)))
+        yaw_rad = stage.rig.vehicle.truth().yaw_rad
+        ahead_m = north_m - 0.5  # inside the fence from the origin, not from here
+        goal = [ahead_m * math.cos(yaw_rad), -ahead_m * math.sin(yaw_rad)]
+        with pytest.raises(BadInput, match="outside the geofence"):
+            stage.station.submit(MissionOrder(goals=(goal,), frame="body"))
+        stage.service.stop()
+
+
+async def test_a_vehicle_that_is_not_there_is_waited_for(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+    stage.rig.vehicle.away = True
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.WAITING)
+        await stage.until_true(lambda: "nobody answered" in stage.station.why)
+        stage.rig.vehicle.away = False
+        await stage.until(Phase.READY)
+        stage.service.stop()
+
+
+async def test_a_vehicle_that_falls_silent_is_waited_for_anew(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        stage.rig.vehicle.cut_link()
+        await stage.until(Phase.WAITING)
+        assert stage.station.instant is None
+        stage.rig.vehicle.restore_link()
+        await stage.until(Phase.READY)
+        assert stage.rig.vehicle.opened == 2
+        stage.service.stop()
+
+
+async def test_stop_lands_the_vehicle_and_the_service_is_ready_again(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+
+    def stop_in_the_air() -> None:
+        drawn = stage.station.drawn
+        if drawn is not None and len(drawn.track) == 12:
+            stage.station.command(OperatorCommand.STOP)
+
+    stage.rig.at_tick = stop_in_the_air
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        record = await stage.fly(MissionOrder(goals=([2.0, 0.0],)))
+        assert record.ending == "aborted"
+        assert not stage.rig.vehicle.status().armed
+        stage.service.stop()
+
+
+async def test_ending_the_service_in_flight_lands_first(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+
+    def end_in_the_air() -> None:
+        drawn = stage.station.drawn
+        if drawn is not None and len(drawn.track) == 12 and not stage.service._ending.is_set():
+            stage.service.stop()
+
+    stage.rig.at_tick = end_in_the_air
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        record = stage.station.submit(MissionOrder(goals=([2.0, 0.0],)))
+    ended = stage.record(record.id)
+    assert ended.ending == "aborted"
+    assert stage.rig.vehicle.status().landed is LandedState.ON_GROUND
+    assert stage.station.phase is Phase.STOPPING
+
+
+async def test_what_the_service_left_in_the_air_it_can_land(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        record = await stage.fly(MissionOrder(goals=([1.0, 0.0],), land=False))
+        assert record.ending == "goal_reached"
+        assert stage.rig.vehicle.status().armed
+        with pytest.raises(BadInput, match="land it first"):
+            stage.station.submit(MissionOrder(goals=([0.0, 0.0],)))
+        stage.rig.vehicle.seconds_a_request = 20.0
+        stage.station.command(OperatorCommand.LAND)
+        await stage.until_true(lambda: not stage.rig.vehicle.status().armed)
+        assert stage.rig.vehicle.status().landed is LandedState.ON_GROUND
+        stage.service.stop()
+
+
+async def test_a_vehicle_that_somebody_else_flies_is_left_alone(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        before = stage.rig.vehicle.status().mode
+        stage.station.command(OperatorCommand.LAND)
+        await stage.until_true(lambda: "nothing is flown by this service" in events(stage))
+        assert stage.rig.vehicle.status().mode is before is FlightMode.HOLD
+        stage.service.stop()
+
+
+async def test_a_jump_of_the_frame_on_the_ground_moves_no_goal(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        await stage.fly(MissionOrder(goals=([1.0, 0.0],)))
+        stage.rig.vehicle.jump_estimate((0.7, -0.4, 0.1))
+        record = await stage.fly(MissionOrder(goals=([0.0, 0.0],)))
+        assert record.ending == "goal_reached", record.why
+        assert math.hypot(*stage.truth_ne()) < 0.3
+        stage.service.stop()
+
+
+async def test_a_folder_that_takes_no_log_keeps_nobody_down(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder")
+    stage = Stage(blocked)
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        record = await stage.fly(MissionOrder(goals=([1.0, 0.0],)))
+        assert record.ending == "goal_reached"
+        assert "flying without a log" in events(stage)
+        stage.service.stop()
+
+
+async def test_a_defect_ends_one_flight_not_the_service(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+
+    def break_down() -> None:
+        drawn = stage.station.drawn
+        if drawn is not None and len(drawn.track) == 12 and stage.station.phase is Phase.FLYING:
+            stage.rig.vehicle.seconds_a_request = 20.0
+            stage.rig.at_tick = None
+            raise ZeroDivisionError("planted")
+
+    stage.rig.at_tick = break_down
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        record = stage.station.submit(MissionOrder(goals=([2.0, 0.0],)))
+        await stage.until_true(lambda: stage.record(record.id).over)
+        known = stage.record(record.id)
+        assert known.ending == "internal"
+        assert known.status is MissionStatus.DONE
+        assert "planted" in known.why
+        stage.service.stop()
+
+
+def test_shifting_moves_the_fence_against_the_offset() -> None:
+    stage_config = Config()
+    desk = Desk(stage_config, None)
+    mission = desk.mission(MissionOrder(goals=([1.0, 2.0],)), (0.0, 0.0), 0.0)
+    fence = shifted(mission, (3.0, -1.0)).config.guard.fence
+    for moved, before in zip(
+        fence.polygon_ne_m, stage_config.guard.fence.polygon_ne_m, strict=True
+    ):
+        assert moved == (before[0] - 3.0, before[1] + 1.0)
+
+
+def test_a_body_goal_is_ahead_of_the_vehicle_where_it_stands() -> None:
+    mission = Desk(Config(), None).mission(
+        MissionOrder(goals=([1.0, 0.0],), frame="body"), (2.0, 3.0), math.pi / 2.0
+    )
+    (goal,) = mission.route_ned_m(0.0)
+    assert goal[:2] == pytest.approx((2.0, 4.0))
