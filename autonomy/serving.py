@@ -37,10 +37,10 @@ from autonomy.report import FlightReport, FlyOptions
 from autonomy.service import logs
 from autonomy.service.api import Api
 from autonomy.service.contract import MissionOrder, MissionRecord, MissionStatus, Phase
-from autonomy.service.lock import Holder, VehicleLock
+from autonomy.service.lock import Holder, VehicleLock, utc_now
 from autonomy.service.metrics import Metrics
 from autonomy.service.server import WebServer, access_of, listening_socket, url_of
-from autonomy.service.station import FlownMission, Instant, Station, utc_now
+from autonomy.service.station import FlownMission, Instant, Station
 from autonomy.service.systemd import Notifier
 from autonomy.simulation import with_scenario
 from autonomy.warm import warm_up

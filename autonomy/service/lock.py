@@ -9,6 +9,7 @@ import os
 import re
 import stat
 import tempfile
+from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -23,6 +24,11 @@ SYSTEM_FOLDER = Path("/run/autonomy")
 _SERIAL = re.compile(r"^serial:/*(.*?)(?::\d+)?$")
 _ADDRESS = re.compile(r"^(\w+?)(in|out)?://([^:/]*)(?::(\d+))?/?$")
 _HOLDER_BYTES = 4096
+
+
+def utc_now() -> str:
+    """The wall clock's time, for people to read."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 class Holder(msgspec.Struct, frozen=True):

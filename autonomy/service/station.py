@@ -22,17 +22,13 @@ from autonomy.geometry import Point, distance
 from autonomy.mission.sensing import Sensing
 from autonomy.model import Command, Event, NoPlan, OperatorCommand, Plan
 from autonomy.service.contract import EventView, MissionOrder, MissionRecord, MissionStatus, Phase
+from autonomy.service.lock import utc_now
 from hal.readings import Attitude, LocalPosition, RangeReading, VehicleStatus
 
 MISSIONS_KEPT = 100
 EVENTS_KEPT = 300
 _TRACK_STEP_M = 0.03
 _NO_HITS: npt.NDArray[np.float64] = np.empty((0, 2))
-
-
-def utc_now() -> str:
-    """The wall clock's time for people."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 class Refused(BadInput):
