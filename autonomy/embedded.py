@@ -51,11 +51,14 @@ class EmbeddedPx4:
         command = [sys.executable, "-m", "hal.sim.mock_px4"]
         command += ["--scenario", self._scenario, "--port", str(self.port)]
         command += ["--seed", str(self._seed), "--truth", str(self.truth_path)]
+        # Its standard input ends with this process, also where nobody can tidy up (SIGKILL).
+        command += ["--while-stdin"]
         # The child must not get the terminal's Ctrl-C: the vehicle flies on while we land it.
         errors_path = Path(self._folder.name) / "errors.txt"
         with errors_path.open("w", encoding="utf-8") as errors:
             self._process = subprocess.Popen(  # noqa: S603  our own module, no shell
                 command,
+                stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=errors,
                 text=True,

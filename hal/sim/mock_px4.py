@@ -7,6 +7,7 @@ slips, as PX4's does in lock-step simulation.
 
 import argparse
 import contextlib
+import os
 import select
 import signal
 import socket
@@ -14,7 +15,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -22,7 +23,13 @@ from pymavlink.dialects.v20 import development as mavlink
 from hal.config import BeamsConfig
 from hal.errors import HalError
 from hal.sim.mock_px4_plant import Plant, TruthWriter
-from hal.sim.mock_px4_protocol import COMPONENT_ID, Conversation, Protocol, text_messages
+from hal.sim.mock_px4_protocol import (
+    COMPONENT_ID,
+    REFUSABLE,
+    Conversation,
+    Protocol,
+    text_messages,
+)
 from hal.sim.mock_px4_streams import BeamEncoder, Message, gps_raw
 from hal.sim.px4 import AutopilotText
 from hal.sim.scenario import Scenario, load_scenario
@@ -73,10 +80,12 @@ class Peer:
 class MockPx4:
     """The server: one socket, one plant, any number of peers. `port` is where it sends to."""
 
-    def __init__(self, plant: Plant, *, port: int, system_id: int = 1) -> None:
+    def __init__(
+        self, plant: Plant, *, port: int, system_id: int = 1, refused: Collection[str] = ()
+    ) -> None:
         self._plant = plant
         self._system_id = system_id
-        self._protocol = Protocol(plant, system_id)
+        self._protocol = Protocol(plant, system_id, refused)
         self._beams = BeamEncoder(plant.beams_config.mounts, plant.scenario.beams.half_angle_deg)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
@@ -188,6 +197,7 @@ def run_mock_px4(
     seed: int = 0,
     speed: float = 1.0,
     boot_s: float = 0.0,
+    refused: Collection[str] = (),
     beams: BeamsConfig | None = None,
     truth_out: Path | None = None,
     ready: Callable[[Address], None] | None = None,
@@ -200,7 +210,7 @@ def run_mock_px4(
     """
     plant = Plant(scenario, beams or BeamsConfig(), seed, boot_s=boot_s)
     plant.step(TICK_S)
-    server = MockPx4(plant, port=port, system_id=system_id)
+    server = MockPx4(plant, port=port, system_id=system_id, refused=refused)
     with contextlib.ExitStack() as stack:
         stack.callback(server.close)
         truth = None
@@ -221,7 +231,22 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--speed", type=float, default=1.0, help="times real time")
     parser.add_argument("--boot-s", type=float, default=0.0, help="until it can be armed")
     parser.add_argument("--truth", type=Path, help="file for the true state, JSON lines at 20 Hz")
+    parser.add_argument(
+        "--refuse", choices=REFUSABLE, action="append", default=[], help="refuse this, always"
+    )
+    parser.add_argument("--while-stdin", action="store_true", help="end when standard input does")
     return parser
+
+
+def _end_with_stdin(stop: threading.Event) -> None:
+    """Set `stop` when whoever holds the other end of standard input is gone, however it went."""
+
+    def wait() -> None:
+        while os.read(sys.stdin.fileno(), 4096):
+            pass
+        stop.set()
+
+    threading.Thread(target=wait, name="stdin", daemon=True).start()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -230,6 +255,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
+
+    if options.while_stdin:
+        _end_with_stdin(stop)
 
     def ready(address: Address) -> None:
         target = f"udp://127.0.0.1:{options.port}"
@@ -243,6 +271,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             seed=options.seed,
             speed=options.speed,
             boot_s=options.boot_s,
+            refused=options.refuse,
             truth_out=options.truth,
             ready=ready,
             stop=stop,

@@ -8,16 +8,18 @@ import itertools
 import math
 import struct
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 from pymavlink.dialects.v20 import development as mavlink
 
 from hal.frames import Vector3, ned_from_geodetic
 from hal.sim.mock_px4_plant import Plant
 from hal.sim.mock_px4_streams import ON_REQUEST, Message, Schedule
-from hal.sim.px4 import AutopilotText, Result, Severity
+from hal.sim.px4 import AutopilotText, Mode, Result, Severity
 
 COMPONENT_ID = 1
+REFUSABLE = ("arm", "offboard")
+"""What a `Protocol` can be told to refuse: arming, and switching to OFFBOARD."""
 _FORCE_MAGIC = 21196.0
 _CUSTOM_MODE_FLAG = 1
 _TEXT_BYTES = 50
@@ -52,11 +54,15 @@ class Conversation:
 
 
 class Protocol:
-    """Answers decoded messages of any peer for one vehicle."""
+    """Answers decoded messages of any peer for one vehicle.
 
-    def __init__(self, plant: Plant, system_id: int) -> None:
+    `refused` names what it refuses whatever its state: see `REFUSABLE`.
+    """
+
+    def __init__(self, plant: Plant, system_id: int, refused: Collection[str] = ()) -> None:
         self._plant = plant
         self._system_id = system_id
+        self._refused = frozenset(refused)
         self._handlers: dict[str, Callable[[Message, Conversation], list[Message]]] = {
             "HEARTBEAT": self._heartbeat,
             "COMMAND_LONG": self._command_long,
@@ -141,7 +147,7 @@ class Protocol:
     def _arm_or_disarm(self, parameters: Sequence[float]) -> Result:
         pilot = self._plant.autopilot
         if parameters[0] == 1.0:
-            return pilot.arm()
+            return self._refuse("Arming denied") if "arm" in self._refused else pilot.arm()
         if parameters[0] == 0.0:
             return pilot.disarm(force=parameters[1] == _FORCE_MAGIC)
         return Result.DENIED
@@ -152,7 +158,13 @@ class Protocol:
         if not base & _CUSTOM_MODE_FLAG:
             pilot.say(Severity.CRITICAL, "Unsupported base mode")
             return Result.TEMPORARILY_REJECTED
+        if "offboard" in self._refused and main == Mode.OFFBOARD.main:
+            return self._refuse("Switching to Offboard is currently not available")
         return pilot.set_mode(main, sub)
+
+    def _refuse(self, text: str) -> Result:
+        self._plant.autopilot.say(Severity.CRITICAL, text)
+        return Result.TEMPORARILY_REJECTED
 
     def _reposition(self, parameters: Sequence[float]) -> Result:
         pilot = self._plant.autopilot
@@ -332,6 +344,7 @@ def text_messages(text: AutopilotText, identity: int) -> list[Message]:
 
 __all__ = [
     "COMPONENT_ID",
+    "REFUSABLE",
     "Conversation",
     "Protocol",
     "decode_value",

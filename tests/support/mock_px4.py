@@ -47,6 +47,11 @@ class MockProcess:
     def __exit__(self, *_: object) -> None:
         self.end(signal.SIGTERM)
 
+    @property
+    def connection(self) -> str:
+        """The URL under which a client hears it."""
+        return f"udpin://127.0.0.1:{self.port}"
+
     def end(self, number: signal.Signals) -> int:
         """Signal it and wait; its exit status."""
         process = self._process
@@ -79,3 +84,8 @@ class MockProcess:
                 return lines[-1]
             time.sleep(0.05)
         raise AssertionError(f"it did not happen within {limit_s} s")
+
+    def send_signal(self, number: signal.Signals) -> None:
+        """Signal it and go on, as in stopping it for a while."""
+        assert self._process is not None
+        self._process.send_signal(number)

@@ -28,12 +28,12 @@ NAN = math.nan
 class Client:
     """A ground station that talks to the protocol without a wire but with real frames."""
 
-    def __init__(self, *, system_id: int = 1) -> None:
+    def __init__(self, *, system_id: int = 1, refused: tuple[str, ...] = ()) -> None:
         self.plant = Plant(scenario(0.2), BeamsConfig(), seed=1)
         self.pilot = self.plant.autopilot
         self.plant.step(0.01)
         self.conversation = Conversation()
-        self._protocol = Protocol(self.plant, system_id)
+        self._protocol = Protocol(self.plant, system_id, refused)
         self._codec = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
         self._vehicle = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=1)
 
@@ -108,6 +108,24 @@ def test_a_take_off_altitude_is_above_mean_sea_level() -> None:
     assert client.result(22, NAN, NAN, NAN, NAN, NAN, NAN, client.pilot.origin[2] + 1.2) == 0
     client.fly(14.0)
     assert client.pilot.quadrotor.height_m == pytest.approx(1.2, abs=0.1)
+
+
+def test_it_can_be_told_to_refuse_arming() -> None:
+    client = Client(refused=("arm",))
+    assert client.result(400, 1.0) == 1
+    assert not client.pilot.armed
+    assert client.texts() == ["Arming denied"]
+
+
+def test_it_can_be_told_to_refuse_offboard_and_nothing_else() -> None:
+    client = Client(refused=("offboard",))
+    client.take_off()
+    client.texts()
+    client.pilot.set_setpoint(velocity_ned_m_s=(0.0, 0.0, 0.0))
+    assert client.result(176, 1.0, Mode.OFFBOARD.main) == 1
+    assert client.pilot.mode is Mode.HOLD
+    assert client.texts() == ["Switching to Offboard is currently not available"]
+    assert client.result(176, 1.0, Mode.LAND.main, Mode.LAND.sub) == 0
 
 
 def test_the_kill_needs_its_magic_number() -> None:
