@@ -388,8 +388,10 @@ class Pilot:
         """Let go when PX4 or a pilot took over; else do what the fault table says."""
         status = tick.inputs.status
         heard = status.link_age_s <= self._config.vehicle.link_timeout_s
-        ours = status.mode is FlightMode.OFFBOARD
-        if self._state in NAVIGATING_STATES and heard and not ours:
+        taken = self._sequence.taken_over(self._state, status) or (
+            self._state in NAVIGATING_STATES and status.mode is not FlightMode.OFFBOARD
+        )
+        if heard and taken:
             who = "PX4's failsafe" if status.in_failsafe else "a pilot or PX4"
             why = f"{who} switched the vehicle to {status.mode.value}; this service lets go"
             self._enter(tick, Move(MissionState.YIELDED, why, Outcome(Ending.TAKEN_OVER, why)))

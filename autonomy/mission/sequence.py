@@ -12,7 +12,7 @@ from autonomy.config import Config
 from autonomy.mission import preflight
 from autonomy.mission.tick import Tick
 from autonomy.model import Ending, MissionState, Outcome
-from hal.readings import FlightMode, LandedState
+from hal.readings import FlightMode, LandedState, VehicleStatus
 from hal.setpoints import RequestKind
 
 _REPEAT_LAND_S = 2.0
@@ -24,6 +24,14 @@ _SILENCE_ENDS_LANDING_S = 10.0
 _DISARMS_ITSELF_S = 5.0
 # An arming request that was on its way when the mission ended may still take effect.
 _SETTLE_S = 1.0
+
+_TAKING_OFF = frozenset({FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD})
+_PHASES = {
+    MissionState.TAKEOFF: (FlightMode.TAKEOFF, _TAKING_OFF),
+    MissionState.OFFBOARD: (FlightMode.TAKEOFF, _TAKING_OFF),
+    MissionState.LAND: (FlightMode.LAND, frozenset({FlightMode.LAND})),
+}
+"""By state: the mode that was asked for, and those that follow from what was asked."""
 
 
 class Move(msgspec.Struct, frozen=True):
@@ -43,6 +51,7 @@ class Sequence:
         self._asked_to_land_s = -math.inf
         self._on_ground_since_s = math.inf
         self._offboard_accepted = False
+        self._seen: set[FlightMode] = set()
 
     def preflight(self, tick: Tick, elapsed_s: float, silent: tuple[str, ...]) -> Move | None:
         """Wait until nothing forbids arming, or refuse when the time is up."""
@@ -130,6 +139,23 @@ class Sequence:
                 tick.ask(RequestKind.LAND)
                 self._asked_to_land_s = tick.now_s
         return None
+
+    def taken_over(self, state: MissionState, status: VehicleStatus) -> bool:
+        """True when somebody else switched the mode during take-off or landing.
+
+        The heartbeat tells a new mode up to a second late, hence what was asked for must have
+        been seen first, except that nobody but a pilot takes the sticks during a landing.
+        """
+        phase = _PHASES.get(state)
+        if phase is None or not status.armed or status.landed is LandedState.ON_GROUND:
+            return False
+        asked_for, ours = phase
+        if status.mode is asked_for:
+            self._seen.add(asked_for)
+        if status.mode in ours or status.mode is FlightMode.UNKNOWN:
+            return False
+        sticks = state is MissionState.LAND and status.mode is FlightMode.MANUAL
+        return sticks or asked_for in self._seen
 
     def ask_hold(self, tick: Tick) -> None:
         """Ask for PX4's Hold, again when it was refused."""
