@@ -6,6 +6,7 @@ The only module that knows the registry. `fly` is what `autonomy fly` calls.
 import asyncio
 import contextlib
 import math
+import os
 import signal
 from collections.abc import AsyncIterator, Iterator
 from contextlib import ExitStack, asynccontextmanager
@@ -19,10 +20,12 @@ from autonomy.embedded import EmbeddedPx4
 from autonomy.errors import BadInput
 from autonomy.flight import Flight
 from autonomy.flightlog.recorder import FlightRecorder
+from autonomy.handover import hand_over
 from autonomy.mission.preflight import check_route
 from autonomy.model import Ending, OperatorCommand, Outcome
 from autonomy.progress import Progress
 from autonomy.report import EXIT_CODES, FlightReport, FlyOptions
+from autonomy.service.lock import Holder, VehicleHeld, VehicleLock, utc_now
 from autonomy.simulation import with_scenario
 from autonomy.tally import Tally
 from autonomy.warm import warm_up
@@ -84,15 +87,26 @@ def prepare_with(config: Config, options: FlyOptions) -> Mission:
 def fly(options: FlyOptions) -> FlightReport:
     """One mission from preflight to landing; the report says how it ended.
 
-    Raises BadInput, DocumentError, ConnectionFailed, WrongAutopilot before anything moved.
+    A service that holds the vehicle is given the mission. Raises BadInput (VehicleHeld for another
+    pilot), DocumentError, ConnectionFailed, WrongAutopilot before anything moved.
     """
     mission = prepare(options)
     progress = Progress.create(options.output)
     with ExitStack() as stack:
+        stack.enter_context(_termination_interrupts())
         stack.enter_context(progress)
+        connection = options.connection or mission.config.vehicle.connection
+        if options.scenario is None:
+            try:
+                stack.enter_context(_pilot_lock(connection))
+            except VehicleHeld as held:
+                if held.holder is None or held.holder.api is None:
+                    raise
+                report = hand_over(options, held.holder, progress)
+                progress.report(report)
+                return report
         progress.note("warming up the planner")
         warm_up()
-        connection = options.connection or mission.config.vehicle.connection
         embedded: EmbeddedPx4 | None = None
         if options.scenario is not None:
             progress.note(f"starting the embedded PX4 in scenario {options.scenario}")
@@ -149,6 +163,11 @@ async def _fly(
 
 
 # ---------------------------------------------------------------- before the flight
+
+
+def _pilot_lock(connection: str) -> VehicleLock:
+    """The lock that keeps a second pilot from this vehicle."""
+    return VehicleLock(connection, Holder("autonomy fly", os.getpid(), utc_now()))
 
 
 def _with_options(config: Config, options: FlyOptions) -> Config:
@@ -238,6 +257,16 @@ async def opened(
 
 
 @contextlib.contextmanager
+def _termination_interrupts() -> Iterator[None]:
+    """SIGTERM ends as Ctrl-C does, tidily; in flight `_operator_signals` has both."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextlib.contextmanager
 def _operator_signals(flight: Flight, progress: Progress) -> Iterator[None]:
     """Ctrl-C and SIGTERM stop, hold and then land; a second one lands at once."""
     loop = asyncio.get_running_loop()
@@ -254,6 +283,7 @@ def _operator_signals(flight: Flight, progress: Progress) -> Iterator[None]:
     finally:
         for number in signals:
             loop.remove_signal_handler(number)
+            signal.signal(number, signal.default_int_handler)
 
 
 # ---------------------------------------------------------------- after the flight

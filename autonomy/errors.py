@@ -37,6 +37,10 @@ class BadInput(AutonomyError):
     exit_code = ExitCode.BAD_INPUT
 
 
+class Stalled(AutonomyError):
+    """The control loop stood still in flight for so long that the deadman ended the flight."""
+
+
 class NotReplayable(AutonomyError):
     """A log has no recorded inputs (it is not a flight log, or it was cut before the first)."""
 

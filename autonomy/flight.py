@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from autonomy.config import Config
+from autonomy.errors import Stalled
 from autonomy.mission.guarded import Command, GuardedPilot
 from autonomy.mission.sensing import Sensing
 from autonomy.model import Inputs, OperatorCommand, Outcome
@@ -69,6 +70,7 @@ class Flight:
         self._sensors = sensors
         self._gnss = gnss
         self._deadman = deadman
+        self._handovers = deadman.handovers
         self._clock = clock
         self._recorder = recorder
         self._observer = observer
@@ -121,6 +123,12 @@ class Flight:
 
     def _tick(self) -> Outcome | None:
         """One step of the core, and its effects."""
+        if self._deadman.handovers > self._handovers:
+            raise Stalled(
+                "the control loop stood still in flight; the vehicle was stopped, held and landed "
+                "meanwhile: the machine was overloaded or this program has a defect, and the last "
+                "tick of the flight log says when"
+            )
         inputs = self._gather()
         before = time.perf_counter()
         command = self._guarded.step(inputs)

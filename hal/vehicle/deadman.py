@@ -101,6 +101,8 @@ class Deadman:
         self._handed_over = False
         self.stops = 0
         """How often the loop fell silent."""
+        self.handovers = 0
+        """How often the vehicle was given to the autopilot because the loop stayed silent."""
 
     def __enter__(self) -> Self:
         self._closing.clear()
@@ -150,6 +152,7 @@ class Deadman:
         if state is Watch.DEAD and not self._handed_over:
             _LOG.error("the control loop stays silent: giving the vehicle to the autopilot (Hold)")
             self._handed_over = self._try(self._on_dead)
+            self.handovers += self._handed_over
         elif state is not Watch.DEAD:
             self._handed_over = False
         return state

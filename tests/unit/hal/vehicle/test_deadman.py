@@ -123,9 +123,10 @@ def test_a_silent_loop_is_stopped_at_every_look_and_handed_over_once() -> None:
     state = run(watch, clock, 0.95, state)
     assert state is Watch.SILENT
     assert calls.stops == 19
+    assert watch.handovers == 0
     state = run(watch, clock, 5.0, state)
     assert state is Watch.DEAD
-    assert (calls.holds, watch.stops) == (1, 1)
+    assert (calls.holds, watch.stops, watch.handovers) == (1, 1, 1)
 
 
 def test_each_silence_has_its_own_hand_over() -> None:
@@ -135,7 +136,7 @@ def test_each_silence_has_its_own_hand_over() -> None:
     for _ in range(3):
         watch.feed()
         state = run(watch, clock, 3.0, state)
-    assert (calls.holds, watch.stops) == (3, 3)
+    assert (calls.holds, watch.stops, watch.handovers) == (3, 3, 3)
 
 
 def test_a_hand_over_that_fails_is_tried_again(caplog: pytest.LogCaptureFixture) -> None:
@@ -143,7 +144,7 @@ def test_a_hand_over_that_fails_is_tried_again(caplog: pytest.LogCaptureFixture)
     watch = deadman(clock, calls)
     watch.feed()
     run(watch, clock, 5.0, Watch.RELEASED)
-    assert calls.holds == 3
+    assert (calls.holds, watch.handovers) == (3, 1)
     assert "planted" in caplog.text
 
 
