@@ -59,7 +59,7 @@ def report_of(record: MissionRecord) -> FlightReport:
     """The report in a mission's record; raises BadInput when it never began."""
     if record.report is None:
         raise BadInput(f"the service did not fly mission {record.id}: {record.why}")
-    return msgspec.json.decode(record.report, type=FlightReport)
+    return msgspec.convert(record.report, FlightReport)
 
 
 @contextlib.contextmanager

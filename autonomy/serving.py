@@ -538,7 +538,7 @@ class Service:
             why=report.why,
             ending=report.ending.value,
             exit_code=report.exit_code,
-            report=msgspec.Raw(encoded),
+            report=msgspec.to_builtins(report),
             log=log.name if log is not None else None,
         )
         self._metrics.flown(record)

@@ -5,7 +5,7 @@ this vehicle was armed (before that: where it stands). Lengths in m, times in s,
 """
 
 from enum import StrEnum
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -49,7 +49,7 @@ class MissionRecord(msgspec.Struct, frozen=True):
     why: str = ""
     ending: str | None = None
     exit_code: int | None = None
-    report: msgspec.Raw | None = None
+    report: dict[str, Any] | None = None
     log: str | None = None
     """Name of its flight log under /v1/logs."""
 
@@ -214,4 +214,4 @@ class LogFile(msgspec.Struct, frozen=True):
     name: str
     size_bytes: int
     modified_utc: str
-    report: msgspec.Raw | None = None
+    report: dict[str, Any] | None = None

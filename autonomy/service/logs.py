@@ -2,6 +2,7 @@
 
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -48,11 +49,10 @@ def _is_log(path: Path) -> bool:
     return path.suffix == SUFFIX and not path.is_symlink() and path.is_file()
 
 
-def _report(log: Path) -> msgspec.Raw | None:
+def _report(log: Path) -> dict[str, Any] | None:
     try:
         with report_path(log).open("rb") as file:
             text = file.read(_REPORT_BYTES_MAX)
-        msgspec.json.decode(text)
+        return msgspec.json.decode(text, type=dict[str, Any])
     except (OSError, msgspec.DecodeError):
         return None
-    return msgspec.Raw(text)
