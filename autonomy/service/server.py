@@ -55,14 +55,22 @@ def access_of(config: ServiceConfig, environ: Mapping[str, str]) -> Access:
 
 
 def _token(config: ServiceConfig, environ: Mapping[str, str]) -> str | None:
-    if config.token_file is None:
-        return environ.get("AUTONOMY_TOKEN") or None
+    path = config.token_file
+    given = environ.get("AUTONOMY_TOKEN")
+    credentials = environ.get("CREDENTIALS_DIRECTORY")
+    if path is None and given:
+        return given
+    if path is None and credentials is not None and not is_loopback(config.host):
+        # The unit hands over the installed token; loopback does not need it.
+        path = str(Path(credentials) / "token")
+    if path is None:
+        return None
     try:
-        token = Path(config.token_file).read_text(encoding="utf-8").strip()
+        token = Path(path).read_text(encoding="utf-8").strip()
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"{config.token_file}: the token cannot be read ({error})") from None
+        raise BadInput(f"{path}: the token cannot be read ({error})") from None
     if not token:
-        raise BadInput(f"{config.token_file}: holds no token; remove it or put one in")
+        raise BadInput(f"{path}: holds no token; remove it or put one in")
     return token
 
 

@@ -48,6 +48,13 @@ def test_a_token_s_file_is_read_and_a_useless_one_refused(tmp_path: Path) -> Non
     assert access_of(config, {}).token == TOKEN
 
 
+def test_systemd_s_token_is_used_beyond_loopback_only(tmp_path: Path) -> None:
+    (tmp_path / "token").write_text(TOKEN)
+    environ = {"CREDENTIALS_DIRECTORY": str(tmp_path)}
+    assert access_of(ServiceConfig(host="10.0.0.7"), environ).token == TOKEN
+    assert access_of(ServiceConfig(), environ).token is None
+
+
 def test_a_port_that_is_taken_is_said_so() -> None:
     with listening_socket("127.0.0.1", 0) as taken:
         port = taken.getsockname()[1]
