@@ -31,7 +31,7 @@ from autonomy.tally import Tally
 from autonomy.warm import warm_up
 from hal import registry
 from hal.clock import MonotonicClock
-from hal.config import validate_document
+from hal.config import CONNECTION_SCHEMES, validate_document
 from hal.frames import Vector3, ned_from_enu, ned_from_frd
 from hal.interfaces import Vehicle
 from hal.sim.scenario import Scenario, load_scenario
@@ -79,8 +79,10 @@ def prepare_with(config: Config, options: FlyOptions) -> Mission:
     mission = Mission(options, config, scenario)
     if scenario is not None:
         mission.route_ned_m(math.radians(scenario.start_yaw_deg))
-    elif options.frame != "body":
-        mission.route_ned_m(0.0)
+    else:
+        _check_connection(options.connection or config.vehicle.connection)
+        if options.frame != "body":
+            mission.route_ned_m(0.0)
     return mission
 
 
@@ -105,6 +107,9 @@ def fly(options: FlyOptions) -> FlightReport:
                 report = hand_over(options, held.holder, progress)
                 progress.report(report)
                 return report
+        recorder: FlightRecorder | None = None
+        if options.log and mission.config.log.enabled:
+            recorder = stack.enter_context(flight_recorder(mission))
         progress.note("warming up the planner")
         warm_up()
         embedded: EmbeddedPx4 | None = None
@@ -112,9 +117,6 @@ def fly(options: FlyOptions) -> FlightReport:
             progress.note(f"starting the embedded PX4 in scenario {options.scenario}")
             embedded = stack.enter_context(EmbeddedPx4(options.scenario, options.seed))
             connection = embedded.connection
-        recorder: FlightRecorder | None = None
-        if options.log and mission.config.log.enabled:
-            recorder = stack.enter_context(flight_recorder(mission))
         report = asyncio.run(_fly(mission, connection, recorder, progress))
         if embedded is not None:
             truth_m = embedded.true_clearance_m()
@@ -182,6 +184,16 @@ def _with_options(config: Config, options: FlyOptions) -> Config:
     if options.mode is not None:
         data["mission"]["replan"]["mode"] = options.mode
     return validate_document(data, Config, "command line")
+
+
+def _check_connection(connection: str) -> None:
+    """Raise BadInput for what is not the URL of a connection."""
+    scheme, colon, rest = connection.partition("://")
+    if scheme not in CONNECTION_SCHEMES or not colon or not rest:
+        raise BadInput(
+            f"the connection {connection!r} is not understood; write it like "
+            "udpin://0.0.0.0:14540, tcpout://host:port or serial:///dev/ttyAMA0:921600"
+        )
 
 
 def _goal_ned(

@@ -259,7 +259,11 @@ class Config(Section):
                 "planner.hard_clearance_m must not be above planner.comfortable_clearance_m"
             )
         if not self.guard.altitude_min_m <= self.mission.altitude_m <= self.guard.altitude_max_m:
-            raise ValueError("mission.altitude_m must lie in the guard's altitude band")
+            raise ValueError(
+                f"mission.altitude_m (--altitude) is {self.mission.altitude_m:g}, outside the band "
+                f"{self.guard.altitude_min_m:g}..{self.guard.altitude_max_m:g} m of "
+                "guard.altitude_min_m and altitude_max_m: change one of them"
+            )
         if self.guidance.speed_max_m_s > self.guard.speed_max_m_s:
             raise ValueError("guidance.speed_max_m_s must not be above guard.speed_max_m_s")
         return self

@@ -144,6 +144,13 @@ class DeadmanConfig(Section):
     hold_after_s: Positive = 1.0
 
 
+CONNECTION_SCHEMES = (
+    *("udpin", "udpout", "tcpin", "tcpout", "serial", "serial_flowcontrol"),
+    *("udp", "tcp", "raw"),
+)
+"""How a connection URL may begin, before `://`; the last three are older spellings."""
+
+
 class VehicleConfig(Section):
     """How the autopilot is reached."""
 
@@ -186,27 +193,28 @@ def validate_document(
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        first = error.errors()[0]
+        errors = error.errors()
+        # A misspelt key is both missing and unknown: the unknown one is what was typed.
+        first = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
         location = tuple(part for part in first["loc"] if not str(part).startswith("function-"))
-        key = ".".join(str(part) for part in location) or "the document"
         line = _line_of(tree, location)
-        place = f"{name}:{line}" if line is not None else name
-        more = error.error_count() - 1
+        words = [f"{name}:{line}" if line is not None else name]
+        if location:
+            words.append(".".join(str(part) for part in location))
+        more = len(errors) - 1
         tail = f" (and {more} more)" if more else ""
-        raise DocumentError(
-            f"{place}: {key}: {_advice(first['type'], first['msg'])}{tail}"
-        ) from None
+        words.append(f"{_advice(first['type'], first['msg'], first['input'])}{tail}")
+        raise DocumentError(": ".join(words)) from None
 
 
-def _advice(kind: str, message: str) -> str:
+def _advice(kind: str, message: str, given: Any) -> str:
     if kind == "extra_forbidden":
         return "is not a known key; remove it or correct its spelling"
     if kind == "missing":
         return "is missing; add it"
-    return (
-        message.removeprefix("Value error, ")[:1].lower()
-        + message.removeprefix("Value error, ")[1:]
-    )
+    text = message.removeprefix("Value error, ")
+    said = text[:1].lower() + text[1:]
+    return f"{said}, not {given!r}" if isinstance(given, str | int | float) else said
 
 
 def _line_of(tree: yaml.Node | None, location: tuple[int | str, ...]) -> int | None:
