@@ -183,7 +183,9 @@ class Outcome(msgspec.Struct, frozen=True):
 class OperatorCommand(StrEnum):
     """What a person may ask for at any time."""
 
-    STOP = "stop"  # stop and hold where you are
+    STOP = "stop"  # stop, hold, then land; again: land at once
+    HOLD = "hold"  # hold where you are until told something else
+    RESUME = "resume"  # go on after HOLD
     LAND = "land"
 
 

@@ -418,6 +418,9 @@ class Service:
         if not self._left_in_air:
             self._station.tell("refused", f"{command.value}: nothing is flown by this service")
             return
+        if command is OperatorCommand.RESUME:
+            self._station.tell("refused", "resume: the mission is over; begin a new one")
+            return
         kind = RequestKind.LAND if command is OperatorCommand.LAND else RequestKind.HOLD
         reply = await connected.vehicle.execute(Request(kind))
         said = "accepted" if reply.accepted else reply.reason

@@ -90,6 +90,7 @@ class Pilot:
         self._planned_s = -math.inf
         self._hold_at: Vector3 | None = None
         self._landing_ordered = False
+        self._held = False
         self._failures = 0
         self._look_for_s = 0.0
         self._moved_from: tuple[float, Point] | None = None
@@ -362,10 +363,16 @@ class Pilot:
     # ------------------------------------------------------------ operator, faults, end
 
     def _obey_operator(self, tick: Tick) -> None:
-        """STOP holds and then lands; LAND, or a second STOP, lands at once."""
+        """STOP holds and then lands; LAND, or a second STOP, lands at once.
+
+        HOLD holds until RESUME; said before the vehicle navigates, it holds as soon as it does.
+        """
         for command in tick.inputs.commands:
             if self._state in (MissionState.LAND, MissionState.YIELDED, MissionState.DONE):
                 return
+            if command in (OperatorCommand.HOLD, OperatorCommand.RESUME):
+                self._held = command is OperatorCommand.HOLD
+                continue
             why = "stopped by the operator"
             outcome = Outcome(Ending.ABORTED, why)
             if self._state is MissionState.PREFLIGHT:
@@ -383,6 +390,8 @@ class Pilot:
                 if self._state is not MissionState.HOLD:
                     self._enter(tick, move)
                 self._entered_s = tick.now_s
+        if self._held and self._state in NAVIGATING_STATES - {MissionState.HOLD}:
+            self._enter(tick, Move(MissionState.HOLD, "held by the operator until told to go on"))
 
     def _respond_to_faults(self, tick: Tick) -> None:
         """Let go when PX4 or a pilot took over; else do what the fault table says."""
@@ -426,9 +435,9 @@ class Pilot:
             if self._elapsed_s(tick) >= _HOLD_BEFORE_LANDING_S:
                 return Move(MissionState.LAND, "held as ordered; landing", self._outcome)
             return None
-        if self._faults(tick):
+        if self._held or self._faults(tick):
             return None
-        return Move(MissionState.DETECT, "the fault is gone; looking around before going on")
+        return Move(MissionState.DETECT, "nothing forbids it any more; looking around to go on")
 
     def _land(self, tick: Tick) -> Move | None:
         """LAND, or end in PX4's Hold when the mission says so and the goal was reached."""

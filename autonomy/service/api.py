@@ -109,6 +109,8 @@ class Api:
             Route("/v1/missions/{id}", self._abort, methods=["DELETE"]),
             Route("/v1/missions/{id}/follow", self._follow, methods=get),
             Route("/v1/stop", self._command(OperatorCommand.STOP), methods=post),
+            Route("/v1/hold", self._command(OperatorCommand.HOLD), methods=post),
+            Route("/v1/resume", self._command(OperatorCommand.RESUME), methods=post),
             Route("/v1/land", self._command(OperatorCommand.LAND), methods=post),
             Route("/v1/logs", self._logs, methods=get),
             Route("/v1/logs/{name}", self._log, methods=get),

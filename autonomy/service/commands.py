@@ -1,4 +1,4 @@
-"""The commands that talk to a running service: status, stop, land. Registered by the shell."""
+"""The commands that talk to a running service: status, stop, hold, resume, land."""
 
 import os
 from typing import Any
@@ -34,6 +34,8 @@ def register(group: click.Group) -> None:
             click.echo(line)
 
     _order(group, "stop", "Stop, hold, then land; again: land at once.")
+    _order(group, "hold", "Hold where the vehicle is, until told something else.")
+    _order(group, "resume", "Go on after hold.")
     _order(group, "land", "Land where the vehicle is, now.")
 
 

@@ -119,6 +119,8 @@ def _paths() -> dict[str, Any]:
             },
         },
         "/v1/stop": {"post": _orders("Stop, hold, then land; again: land now", refused)},
+        "/v1/hold": {"post": _orders("Hold here until told something else", refused)},
+        "/v1/resume": {"post": _orders("Go on after hold", refused)},
         "/v1/land": {"post": _orders("Land here, now", refused)},
         "/v1/logs": {"get": _reads("Flight logs, newest first", "LogFile", many=True)},
         "/v1/logs/{name}": {

@@ -80,6 +80,7 @@ function show() {
   put("n-mode", vehicle ? vehicle.mode : "–");
   put("n-guard", guard?.limits.length ? guard.limits.join(", ").replaceAll("_", " ") : guard ? "open" : "–",
     guard?.limits.length ? "warn" : "");
+  put("hold", held() ? "Go on" : "Hold", "land");
   battery(vehicle);
   link(vehicle);
   beams();
@@ -148,6 +149,9 @@ async function order(name) {
 
 $("stop").onclick = () => order("stop");
 $("land").onclick = () => order("land");
+// Held: the same button lets it go on.
+const held = () => state?.flight?.state === "hold" && state.why.startsWith("held by the operator");
+$("hold").onclick = () => order(held() ? "resume" : "hold");
 document.addEventListener("keydown", (event) => {
   const writing = event.target.matches("input, textarea");
   if (event.key.toLowerCase() === "s" && !writing && !event.ctrlKey && !event.metaKey && !event.altKey) {

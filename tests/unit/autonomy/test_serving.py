@@ -9,7 +9,7 @@ import pytest
 
 from autonomy.config import Config
 from autonomy.errors import BadInput
-from autonomy.model import OperatorCommand
+from autonomy.model import MissionState, OperatorCommand
 from autonomy.service.contract import MissionOrder, MissionRecord, MissionStatus, Phase
 from autonomy.service.metrics import Metrics
 from autonomy.service.station import Station
@@ -158,6 +158,34 @@ async def test_stop_lands_the_vehicle_and_the_service_is_ready_again(tmp_path: P
         assert record.ending == "aborted"
         assert not stage.rig.vehicle.status().armed
         stage.service.stop()
+
+
+async def test_a_hold_lasts_until_the_mission_is_told_to_go_on(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+    held_ticks = 0
+
+    def hold_and_go_on() -> None:
+        nonlocal held_ticks
+        drawn, instant = stage.station.drawn, stage.station.instant
+        if drawn is None or instant is None or instant.command is None:
+            return
+        state = instant.command.decision.state
+        if len(drawn.track) == 12 and held_ticks == 0:
+            stage.station.command(OperatorCommand.HOLD)
+        if state is MissionState.HOLD:
+            held_ticks += 1
+            if held_ticks == 400:  # 20 s: much longer than STOP holds
+                stage.station.command(OperatorCommand.RESUME)
+
+    stage.rig.at_tick = hold_and_go_on
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        record = await stage.fly(MissionOrder(goals=([1.0, 0.0],)))
+        assert record.ending == "goal_reached", record.why
+        stage.service.stop()
+    assert 400 <= held_ticks <= 410
+    assert "hold: held by the operator" in events(stage)
 
 
 async def test_ending_the_service_in_flight_lands_first(tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ def test_a_mission_is_created_listed_read_and_taken_back(
     assert nothing_was_asked(station)
 
 
-@pytest.mark.parametrize("name", ["stop", "land"])
+@pytest.mark.parametrize("name", ["stop", "hold", "resume", "land"])
 def test_an_order_is_queued_and_never_limited(
     client: TestClient, station: Station, name: str
 ) -> None:
