@@ -247,8 +247,21 @@ class Config(Section):
     @model_validator(mode="after")
     def _margins_are_ordered(self) -> "Config":
         body = self.body.radius_m
-        if self.map.corridor_hit_m <= body:
-            raise ValueError("map.corridor_hit_m must be larger than body.radius_m")
+        for name, value_m in (
+            ("map.corridor_hit_m", self.map.corridor_hit_m),
+            ("map.corridor_seen_m", self.map.corridor_seen_m),
+            ("guard.beam_stop_m", self.guard.beam_stop_m),
+            ("guidance.slowest_at_m", self.guidance.slowest_at_m),
+        ):
+            if value_m <= body:
+                raise ValueError(
+                    f"{name} ({value_m:g} m) must be larger than body.radius_m ({body:g} m)"
+                )
+        if self.guidance.push_below_m < self.map.corridor_hit_m:
+            raise ValueError(
+                "guidance.push_below_m must not be below map.corridor_hit_m, "
+                "or the vehicle would not leave places where the guard holds it"
+            )
         if body + self.planner.hard_clearance_m <= self.map.corridor_hit_m:
             raise ValueError(
                 "body.radius_m + planner.hard_clearance_m must be above map.corridor_hit_m, "

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 import yaml
+from pydantic import ValidationError
 
 from autonomy.config import Config, load_config
 from hal.errors import DocumentError
@@ -66,3 +67,25 @@ def test_the_service_unit_is_watched_and_hardened() -> None:
     assert service["ProtectSystem"] == "strict"
     # numba writes machine code at run time.
     assert "MemoryDenyWriteExecute" not in service
+
+
+@pytest.mark.parametrize(
+    "path", sorted((CONFIGS / "vehicles").glob("*.yaml")), ids=lambda p: p.stem
+)
+def test_every_example_of_a_vehicle_is_valid(path: Path) -> None:
+    assert load_config(path) != Config()
+
+
+@pytest.mark.parametrize(
+    ("section", "key"),
+    [
+        ("map", "corridor_hit_m"),
+        ("map", "corridor_seen_m"),
+        ("guard", "beam_stop_m"),
+        ("guidance", "slowest_at_m"),
+        ("guidance", "push_below_m"),
+    ],
+)
+def test_no_distance_that_keeps_the_body_clear_may_be_inside_it(section: str, key: str) -> None:
+    with pytest.raises(ValidationError, match=f"{section}.{key}"):
+        Config.model_validate({section: {key: 0.15}})
