@@ -15,6 +15,7 @@ There is no clock, no randomness, no input or output here: everything comes in `
 import math
 from collections.abc import Callable
 
+import msgspec
 import numpy as np
 
 from autonomy.config import Config
@@ -45,7 +46,7 @@ from autonomy.t3drm.planner import Planner, violated
 from autonomy.t3drm.speed import speed_limit_m_s
 from hal.frames import Vector3, horizontal_norm
 from hal.interfaces import SeenSpace
-from hal.readings import FlightMode, LandedState
+from hal.readings import FlightMode, LandedState, VehicleStatus
 from hal.setpoints import Setpoint
 
 _AT_REST_M_S = 0.05
@@ -66,6 +67,10 @@ _GOAL_MAY_MOVE = 0.6
 _HOLD_BEFORE_LANDING_S = 3.0
 
 
+_STALL_S = 0.5
+"""A loop that comes later than this did not listen meanwhile: silence then says nothing."""
+
+
 class Pilot:
     """Flies one mission over a route of goals (NED about the take-off point)."""
 
@@ -83,6 +88,7 @@ class Pilot:
         self._entered_s: float | None = None
         self._armed_s: float | None = None
         self._last_s: float | None = None
+        self._listening_since_s = -math.inf
         self._outcome: Outcome | None = None
         self._path = FlownPath(((0.0, 0.0),))
         self._path_keep_out_m = 0.0
@@ -140,6 +146,8 @@ class Pilot:
         dt_s = inputs.now_s - self._last_s if self._last_s is not None else nominal_s
         tick = Tick(inputs, fused, dt_s)
         self._last_s = inputs.now_s
+        if dt_s > _STALL_S:
+            self._listening_since_s = inputs.now_s
         if self._entered_s is None:
             self._entered_s = inputs.now_s
         self._obey_operator(tick)
@@ -395,7 +403,7 @@ class Pilot:
 
     def _respond_to_faults(self, tick: Tick) -> None:
         """Let go when PX4 or a pilot took over; else do what the fault table says."""
-        status = tick.inputs.status
+        status = self._status(tick)
         heard = status.link_age_s <= self._config.vehicle.link_timeout_s
         taken = self._sequence.taken_over(self._state, status) or (
             self._state in NAVIGATING_STATES and status.mode is not FlightMode.OFFBOARD
@@ -422,12 +430,20 @@ class Pilot:
         mission_s = tick.now_s - self._armed_s if self._armed_s is not None else 0.0
         return failsafe.detect(
             self._config,
-            tick.inputs.status,
+            self._status(tick),
             tick.fused,
             self._sensing.state_lost_s(tick.now_s),
             self._sensing.silent_beams(tick.now_s),
             mission_s,
         )
+
+    def _status(self, tick: Tick) -> VehicleStatus:
+        """The vehicle's status, silent only for as long as this loop has listened."""
+        status = tick.inputs.status
+        listened_s = tick.now_s - self._listening_since_s
+        if status.link_age_s <= listened_s:
+            return status
+        return msgspec.structs.replace(status, link_age_s=listened_s)
 
     def _hold(self, tick: Tick) -> Move | None:
         """HOLD: until the fault is gone, or until the operator's landing is due."""

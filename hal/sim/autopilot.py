@@ -599,7 +599,8 @@ class Autopilot:
             self._touch_s = None
 
     def _detect_landing(self, command: Command) -> None:
-        if not self._airborne:
+        # A take-off may be called off when it was detected and the ground not left yet.
+        if not self._airborne and self._landed:
             return
         if not self.quadrotor.on_ground or self._wanted_down_m_s(command) < 0.05:
             self._touch_s = None

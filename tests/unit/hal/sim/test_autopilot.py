@@ -581,3 +581,14 @@ def test_no_sequence_of_requests_disarms_it_in_the_air(
                 assert flight.pilot.landed is not Landed.ON_GROUND
     finally:
         Flight.tick_s = 0.01
+
+
+def test_a_take_off_called_off_before_it_left_the_ground_ends_disarmed() -> None:
+    flight = Flight()
+    assert flight.pilot.arm() == 0
+    assert flight.pilot.takeoff() == 0
+    flight.until(lambda: flight.pilot.landed is not Landed.ON_GROUND)
+    assert flight.pilot.land() == 0
+    flight.until(lambda: not flight.pilot.armed, 10.0)
+    assert flight.height_m < 0.05
+    assert flight.pilot.landed is Landed.ON_GROUND

@@ -1,0 +1,49 @@
+"""A loop that stood still did not listen: that is not the vehicle's silence."""
+
+from autonomy.config import Config
+from autonomy.mission.guarded import Command
+from autonomy.model import Ending, MissionState
+from autonomy.simulation import Simulation, goal_of, with_scenario
+from hal.sim.px4 import Mode
+from hal.sim.scenario import load_scenario
+
+
+def simulation() -> Simulation:
+    scenario = load_scenario("empty")
+    config = with_scenario(Config(), scenario)
+    return Simulation(scenario, config, (goal_of(scenario, config),))
+
+
+def test_a_stall_during_take_off_is_no_lost_link() -> None:
+    stalled_s = 0.0
+
+    def stall(simulation: Simulation, command: Command) -> None:
+        nonlocal stalled_s
+        if simulation.vehicle.autopilot.mode is Mode.TAKEOFF and stalled_s == 0.0:
+            stalled_s = simulation.clock.now_s()
+            simulation.vehicle.cut_link()
+            simulation.vehicle.advance(3.0)
+        elif stalled_s and simulation.clock.now_s() > stalled_s + 3.2:
+            simulation.vehicle.restore_link()
+
+    flight = simulation().run(on_tick=stall)
+    assert stalled_s > 0.0
+    assert flight.outcome.ending is Ending.GOAL_REACHED, flight.outcome.why
+
+
+def test_a_link_that_stays_silent_after_a_stall_is_lost_in_bounded_time() -> None:
+    cut_s: list[float] = []
+    landing_s: list[float] = []
+
+    def cut(simulation: Simulation, command: Command) -> None:
+        now_s = simulation.clock.now_s()
+        if command.decision.state is MissionState.CRUISE and not cut_s:
+            simulation.vehicle.cut_link()
+            simulation.vehicle.advance(3.0)
+            cut_s.append(simulation.clock.now_s())
+        if command.decision.state is MissionState.LAND and not landing_s:
+            landing_s.append(now_s)
+
+    flight = simulation().run(on_tick=cut)
+    assert flight.outcome.ending is Ending.LINK_LOST, flight.outcome.why
+    assert landing_s[0] - cut_s[0] < Config().vehicle.link_timeout_s + 0.2
