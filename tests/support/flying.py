@@ -15,12 +15,18 @@ START_LIMIT_S = 120.0
 
 
 class Flying:
-    """`with Flying(folder, "--goal", "4,3", "--sim") as flying:` kills it at the end if it must."""
+    """`with Flying(folder, "--goal", "4,3", "--sim") as flying:` kills it at the end if it must.
 
-    def __init__(self, folder: Path, *arguments: str) -> None:
+    `prelude` is Python that runs before the command line does, to plant a defect.
+    """
+
+    def __init__(self, folder: Path, *arguments: str, prelude: str = "") -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self._out_path, self._err_path = folder / "out.jsonl", folder / "err.txt"
-        self._command = [sys.executable, "-m", "autonomy.cli", "fly", "--json"]
+        program = ["-m", "autonomy.cli"]
+        if prelude:
+            program = ["-c", f"{prelude}\nfrom autonomy.cli import main\nmain()"]
+        self._command = [sys.executable, *program, "fly", "--json"]
         self._command += ["--log-dir", str(folder), *arguments]
         self._process: subprocess.Popen[bytes] | None = None
 
