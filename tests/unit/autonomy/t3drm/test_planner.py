@@ -201,6 +201,22 @@ def test_a_pillar_is_one_sphere_and_not_many_hits() -> None:
     assert [leg.kind for leg in plan.legs] == [LegKind.TANGENT, LegKind.ARC, LegKind.TANGENT]
 
 
+def test_a_plank_along_the_way_is_not_given_a_sphere() -> None:
+    plan = PLANNER.plan((2.0, 3.0), (4.2, 3.0), wall((2.77, 3.0), (3.43, 3.0)))
+    assert isinstance(plan, Plan)
+    assert max(abs(e - 3.0) for _, e in plan.points) < 0.3
+
+
+def test_from_inside_a_hull_no_conic_is_flown() -> None:
+    corner = np.concatenate((wall((1.0, 3.0), (3.0, 3.0)), wall((3.0, 3.0), (3.0, 1.0))))
+    plan = PLANNER.plan((2.5, 2.5), (5.0, 2.0), corner)
+    assert isinstance(plan, Plan)
+    assert {leg.kind for leg in plan.legs} == {LegKind.TANGENT, LegKind.ARC}
+    outside = PLANNER.plan((1.0, 1.0), (5.0, 2.0), corner)
+    assert isinstance(outside, Plan)
+    assert any(leg.kind is LegKind.HYPERBOLA for leg in outside.legs)
+
+
 def test_the_replaced_tangents_are_kept_for_people_to_look_at() -> None:
     plan = PLANNER.plan((0.0, 3.0), (6.0, 3.0), wall((3.0, 2.8), (3.0, 5.0)))
     assert isinstance(plan, Plan)

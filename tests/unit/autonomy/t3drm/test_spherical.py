@@ -90,8 +90,24 @@ def lattice_discs(draw: st.DrawFn) -> tuple[Floats, Floats]:
     """Touching, collinear, overlapping, contained: everything that rounding could break."""
     cells = draw(st.sets(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=1, max_size=12))
     centres = 0.5 * np.array(sorted(cells), dtype=np.float64)
+    if draw(st.booleans()):
+        # Off the axes, rounding decides on which side of a tie two equal tangents fall.
+        turn = draw(st.floats(-0.3, 0.3))
+        c, s = math.cos(turn), math.sin(turn)
+        centres = centres @ np.array(((c, s), (-s, c)))
     sizes = st.sampled_from([0.2, 0.25, 0.3, 0.5]) if draw(st.booleans()) else st.just(0.25)
     return centres, np.array([draw(sizes) for _ in cells])
+
+
+@st.composite
+def studded_discs(draw: st.DrawFn) -> tuple[Floats, Floats]:
+    """A large disc with small ones on its rim: the way round it is barred in places."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    n = draw(st.integers(1, 6))
+    turn = rng.uniform(0.0, math.tau, n)
+    rim = np.stack((2.0 + 1.2 * np.cos(turn), 2.0 + 1.2 * np.sin(turn)), axis=1)
+    centres = np.concatenate((np.array([(2.0, 2.0)]), rim))
+    return centres, np.concatenate(((1.2,), rng.uniform(0.05, 0.3, n)))
 
 
 places = st.tuples(st.floats(-1.0, 5.0), st.floats(-1.0, 5.0))
@@ -111,6 +127,17 @@ def test_the_route_is_the_shortest_among_touching_and_collinear_discs(
     discs: tuple[Floats, Floats], start_east: float, goal_east: float
 ) -> None:
     assert_agrees((-1.0, start_east), (5.0, goal_east), *discs)
+
+
+@settings(deadline=None, max_examples=120)
+@given(studded_discs(), st.floats(0.0, math.tau), st.floats(0.0, math.tau))
+def test_the_route_is_the_shortest_round_a_studded_disc(
+    discs: tuple[Floats, Floats], start_rad: float, goal_rad: float
+) -> None:
+    start = (2.0 + 1.6 * math.cos(start_rad), 2.0 + 1.6 * math.sin(start_rad))
+    goal = (2.0 + 1.6 * math.cos(goal_rad), 2.0 + 1.6 * math.sin(goal_rad))
+    if distance(start, goal) > 1e-3:
+        assert_agrees(start, goal, *discs)
 
 
 @settings(deadline=None, max_examples=60)
@@ -169,7 +196,8 @@ def test_more_active_discs_than_allowed_prove_nothing() -> None:
 def test_inside_a_fence_a_wall_to_its_side_closes_the_way() -> None:
     wall = np.stack((np.full(41, 2.0), np.linspace(-1.0, 1.0, 41)), axis=1)
     radii = np.full(41, 0.2)
-    for half_width, passes in ((1.1, False), (1.3, True)):
+    # At 1.19 both touching points (1.17) are inside, only the arc between them (1.2) is not.
+    for half_width, passes in ((1.1, False), (1.19, False), (1.3, True)):
         polygon = ((-1.0, -half_width), (5.0, -half_width), (5.0, half_width), (-1.0, half_width))
         planes = fence_planes(polygon)
         assert planes is not None
