@@ -11,10 +11,10 @@ JOBS ?= 2
 QUICK := tests/unit tests/contract tests/paper tests/architecture
 
 .DEFAULT_GOAL := help
-.PHONY: help fly test test-fast check format bench clean
+.PHONY: help fly test test-fast test-browser check format bench clean
 
 help: ## show this
-	@awk -F':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
+	@awk -F':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
 
 fly: .venv/.core ## a simulated flight, from nothing: make fly [GOAL=4,3] [SCENARIO=default]
 	$(BIN)/autonomy fly $(FLY)
@@ -25,6 +25,10 @@ test: .venv/.dev ## the whole suite: unit, contract, paper, architecture, scenar
 
 test-fast: .venv/.dev ## what needs no flight: unit, contract, paper, architecture
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration" $(QUICK)
+
+test-browser: .venv/.dev ## the service's page in a real browser; needs Debian's chromium
+	$(BIN)/python -m pip install -q --prefer-binary -e ".[dev,browser]"
+	$(BIN)/python -m pytest -q tests/browser/page_in_chromium.py
 
 check: .venv/.dev ## lint, format, types, layers
 	$(BIN)/ruff check .

@@ -182,7 +182,8 @@ export class RoomMap {
       this.zoom(Math.exp(-event.deltaY * 0.0015), ...at(event));
     }, { passive: false });
     this.canvas.addEventListener("keydown", (event) => this.key(event));
-    this.canvas.addEventListener("blur", () => { this.cursor = null; this.draw(); });
+    this.canvas.addEventListener("blur", () => this.draw());
+    this.canvas.addEventListener("focus", () => this.draw());
   }
 
   key(event) {
@@ -236,7 +237,7 @@ export class RoomMap {
     this.goals(c);
     this.beams(c);
     this.vehicle(c);
-    if (this.cursor) this.cross(c, this.cursor, "accent");
+    if (this.cursor && document.activeElement === this.canvas) this.cross(c, this.cursor, "accent");
     if (this.asked) this.cross(c, this.asked, "accent");
   }
 
