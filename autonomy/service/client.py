@@ -2,14 +2,16 @@
 
 import http.client
 from collections.abc import Iterator
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 from urllib.parse import urlsplit
 
 import msgspec
 
 from autonomy.errors import AutonomyError, BadInput, ExitCode
 from autonomy.service.contract import MissionOrder, MissionRecord, Problem, State
-from autonomy.service.follow import Frame, read_frames
+
+if TYPE_CHECKING:
+    from autonomy.service.follow import Frame
 
 _TIMEOUT_S = 5.0
 _FOLLOW_TIMEOUT_S = 15.0
@@ -52,8 +54,11 @@ class Client:
         """Queue `stop`, `hold`, `resume` or `land`."""
         self._ask("POST", f"/v1/{name}", dict)
 
-    def follow(self, mission_id: str) -> Iterator[Frame]:
+    def follow(self, mission_id: str) -> "Iterator[Frame]":
         """Frames of a mission until it is over; raises NoService when they break off before."""
+        # A status needs none of what a flight's records are made of.
+        from autonomy.service.follow import read_frames
+
         connection = http.client.HTTPConnection(self._host, self._port, timeout=_FOLLOW_TIMEOUT_S)
         over = False
         try:
