@@ -36,6 +36,10 @@ class BeamMount(Section):
     forward_m: Finite = 0.0
     right_m: Finite = 0.0
     down_m: Finite = 0.0
+    offset_m: Finite = 0.0
+    """How much the sensor reads too far; every driver takes it off (`autonomy calibrate`)."""
+    sigma_m: NonNegative = 0.0
+    """Measured noise, one sigma; no reading of this beam is told to be more certain."""
 
     @property
     def horizontal(self) -> bool:
@@ -55,10 +59,197 @@ def six_beams() -> tuple[BeamMount, ...]:
     )
 
 
+class MavlinkDriver(Section):
+    """Beams that come over the vehicle's link as DISTANCE_SENSOR: all that nobody else drives."""
+
+    driver: Literal["mavlink"] = "mavlink"
+
+
+I2cAddress = Annotated[int, Field(ge=0x08, le=0x77)]
+"""Seven bits, without the ones that the bus reserves."""
+GpioName = Annotated[str, Field(pattern=r"^(gpiochip[0-9]+|sysfs)/[0-9]+$")]
+"""A line of a GPIO chip, `gpiochip0/17`, or one of /sys/class/gpio, `sysfs/529`."""
+
+TOF_ADDRESS = 0x29
+"""Where VL53L0X and VL53L1X answer after power-up (both data sheets: 0x52 with the R/W bit)."""
+
+
+class I2cPlace(Section):
+    """Which beam a sensor is, and where its bus ends: directly, or behind a TCA9548A."""
+
+    beam: str = Field(min_length=1)
+    mux_address: Annotated[int, Field(ge=0x70, le=0x77)] | None = None
+    mux_channel: Annotated[int, Field(ge=0, le=7)] | None = None
+
+    @model_validator(mode="after")
+    def _a_channel_needs_its_multiplexer(self) -> "I2cPlace":
+        if (self.mux_address is None) != (self.mux_channel is None):
+            raise ValueError("mux_address and mux_channel belong together: give both or none")
+        return self
+
+    @property
+    def segment(self) -> tuple[int, int] | None:
+        """(multiplexer, channel), or None for the bus itself."""
+        if self.mux_address is None or self.mux_channel is None:
+            return None
+        return self.mux_address, self.mux_channel
+
+
+class TofPlace(I2cPlace):
+    """A time-of-flight sensor. With `xshut` it is held in reset until it is given `address`."""
+
+    address: I2cAddress = TOF_ADDRESS
+    xshut: GpioName | None = None
+    ambient_max_kcps_per_spad: Positive = 5.0
+    """Up to this ambient light "no return" means "nothing there"; above it, "cannot see"."""
+
+    @model_validator(mode="after")
+    def _an_address_is_given_through_xshut(self) -> "TofPlace":
+        if self.xshut is None and self.address != TOF_ADDRESS:
+            raise ValueError(
+                f"without xshut the sensor stays at {TOF_ADDRESS:#04x}; remove address, or give "
+                "the line"
+            )
+        return self
+
+
+class Vl53l0xConfig(TofPlace):
+    """One VL53L0X."""
+
+    chip: Literal["vl53l0x"]
+    budget_s: Annotated[float, Field(ge=0.02, le=0.2)] = 0.033
+    """Time for one measurement: longer is less noisy and slower."""
+    signal_min_mcps: Annotated[float, Field(gt=0.0, lt=512.0)] = 0.25
+    sigma_max_m: Positive = 0.018
+    """Above this estimated noise a reading is SUSPECT."""
+
+
+class Vl53l1xConfig(TofPlace):
+    """One VL53L1X. The region of interest narrows the cone: 16 x 16 diodes see 27 degrees."""
+
+    chip: Literal["vl53l1x"]
+    budget_ms: Literal[15, 20, 33, 50, 100, 200, 500] = 33
+    mode: Literal["short", "long"] = "short"
+    """Short: to 1.3 m, little disturbed by light. Long: to 4 m in the dark."""
+    roi_width: Annotated[int, Field(ge=4, le=16)] = 16
+    roi_height: Annotated[int, Field(ge=4, le=16)] = 16
+    roi_centre: Annotated[int, Field(ge=0, le=255)] = 199
+    """Number of the diode above and right of the middle; 199 is the optical centre."""
+
+    @model_validator(mode="after")
+    def _the_region_fits(self) -> "Vl53l1xConfig":
+        if self.budget_ms == 15 and self.mode == "long":
+            raise ValueError("budget_ms 15 is for mode short only; use 20 or more")
+        if max(self.roi_width, self.roi_height) > 10 and self.roi_centre != 199:
+            raise ValueError("a region wider than 10 can only be centred at 199")
+        return self
+
+
+class PowerCurve(Section):
+    """Range = scale_m * volts ** -exponent - offset_m."""
+
+    kind: Literal["power"]
+    scale_m: Positive
+    exponent: Positive = 1.0
+    offset_m: Finite = 0.0
+
+
+class TableCurve(Section):
+    """Measured (range in metres, volts), the nearest first; between them 1/range is linear."""
+
+    kind: Literal["table"]
+    points: tuple[tuple[Positive, Positive], ...] = Field(min_length=2)
+
+    @model_validator(mode="after")
+    def _falls(self) -> "TableCurve":
+        pairs = zip(self.points, self.points[1:], strict=False)
+        if any(near[0] >= far[0] or near[1] <= far[1] for near, far in pairs):
+            raise ValueError("points must be sorted: ranges rise, volts fall")
+        return self
+
+
+class SharpIrConfig(I2cPlace):
+    """One Sharp triangulation sensor on an input of an ADS1115."""
+
+    chip: Literal["gp2y0a21", "gp2y0a02"]
+    address: Annotated[int, Field(ge=0x48, le=0x4B)] = 0x48
+    """Of the ADS1115."""
+    input: Annotated[int, Field(ge=0, le=3)] = 0
+    curve: Annotated[PowerCurve | TableCurve, Field(discriminator="kind")] | None = None
+    """null: the typical curve of the data sheet; calibrate each sensor."""
+    noise_v: Positive = 0.02
+    """One sigma of the voltage."""
+    dead_v: NonNegative = 0.03
+    """Below this the sensor has no supply: that is not the same as nothing in view."""
+    fold_max_m: Positive | None = None
+    """How far an object inside the minimum distance can seem; null: by the chip."""
+    closing_max_m_s: Positive = 1.0
+    """Nothing moves faster towards or from the sensor than this."""
+
+
+I2cSensorConfig = Annotated[
+    Vl53l0xConfig | Vl53l1xConfig | SharpIrConfig, Field(discriminator="chip")
+]
+
+
+class I2cDriver(Section):
+    """Sensors on one Linux I2C bus."""
+
+    driver: Literal["i2c"]
+    bus: str = "/dev/i2c-1"
+    sensors: tuple[I2cSensorConfig, ...] = Field(min_length=1)
+    mux_reset: GpioName | None = None
+    """Reset line of the multiplexers, low is reset: frees a bus that a chip holds low."""
+
+    @model_validator(mode="after")
+    def _nobody_answers_for_another(self) -> "I2cDriver":
+        for sensor in self.sensors:
+            here = self._answering_with(sensor)
+            if here is not None:
+                raise ValueError(
+                    f"beams {sensor.beam} and {here} answer to the same address at the same place; "
+                    "use a multiplexer channel or an xshut line and an address for each"
+                )
+        switches = {s.mux_address for s in self.sensors}
+        if any(sensor.address in switches for sensor in self.sensors):
+            raise ValueError("a sensor has the address of a multiplexer; give it another")
+        lines = [s.xshut for s in self.sensors if isinstance(s, TofPlace) and s.xshut is not None]
+        if len(set(lines)) != len(lines):
+            raise ValueError("two sensors have the same xshut line")
+        return self
+
+    def _answering_with(self, sensor: I2cSensorConfig) -> str | None:
+        """Another sensor that hears what is meant for this one."""
+        for other in self.sensors:
+            visible = other.segment in (None, sensor.segment) or sensor.segment is None
+            if other is sensor or not visible:
+                continue
+            if isinstance(sensor, SharpIrConfig) and isinstance(other, SharpIrConfig):
+                same_chip = (sensor.segment, sensor.address) == (other.segment, other.address)
+                if same_chip and sensor.input != other.input:
+                    continue
+            if other.address == sensor.address:
+                return other.beam
+            if _wakes_at_the_others_address(sensor, other):
+                return other.beam
+        return None
+
+
+def _wakes_at_the_others_address(sensor: I2cSensorConfig, other: I2cSensorConfig) -> bool:
+    """True when `sensor` is first heard where `other` stays."""
+    return (
+        isinstance(sensor, TofPlace) and sensor.xshut is not None and other.address == TOF_ADDRESS
+    )
+
+
+RangeDriver = Annotated[MavlinkDriver | I2cDriver, Field(discriminator="driver")]
+
+
 class BeamsConfig(Section):
-    """The set of beams and what they have in common."""
+    """The set of beams, who drives them, and what they have in common."""
 
     mounts: tuple[BeamMount, ...] = Field(default_factory=six_beams)
+    drivers: tuple[RangeDriver, ...] = Field(default=(MavlinkDriver(),), min_length=1)
     min_m: NonNegative = 0.02
     max_m: Positive = 1.0
     latency_s: NonNegative = 0.02
@@ -72,6 +263,40 @@ class BeamsConfig(Section):
         if self.min_m >= self.max_m:
             raise ValueError("min_m must be below max_m")
         return self
+
+    @model_validator(mode="after")
+    def _every_beam_has_one_driver(self) -> "BeamsConfig":
+        names = {mount.name for mount in self.mounts}
+        driven = [sensor.beam for driver in self._on_i2c() for sensor in driver.sensors]
+        for beam in driven:
+            if beam not in names:
+                raise ValueError(f"drivers: there is no mount called {beam}")
+            if driven.count(beam) > 1:
+                raise ValueError(f"drivers: beam {beam} has two sensors; give each its own mount")
+        buses = [driver.bus for driver in self._on_i2c()]
+        if len(set(buses)) != len(buses):
+            raise ValueError("drivers: a bus is listed twice; list all its sensors under one")
+        over_mavlink = [d for d in self.drivers if isinstance(d, MavlinkDriver)]
+        if len(over_mavlink) > 1:
+            raise ValueError("drivers: mavlink is listed twice")
+        if not over_mavlink and names - set(driven):
+            raise ValueError(
+                f"drivers: nobody reads {', '.join(sorted(names - set(driven)))}; add a sensor, "
+                "or {driver: mavlink}"
+            )
+        return self
+
+    def _on_i2c(self) -> tuple[I2cDriver, ...]:
+        return tuple(driver for driver in self.drivers if isinstance(driver, I2cDriver))
+
+    def over_mavlink(self) -> tuple[BeamMount, ...]:
+        """The mounts whose readings come over the vehicle's link: all that no sensor here has."""
+        driven = {sensor.beam for driver in self._on_i2c() for sensor in driver.sensors}
+        return tuple(mount for mount in self.mounts if mount.name not in driven)
+
+    def mount(self, name: str) -> BeamMount:
+        """The mount called `name`; raises KeyError when there is none."""
+        return {mount.name: mount for mount in self.mounts}[name]
 
 
 class Fence(Section):
