@@ -5,6 +5,7 @@ The only module that knows the registry. `fly` is what `autonomy fly` calls.
 
 import asyncio
 import contextlib
+import logging
 import math
 import os
 import signal
@@ -38,6 +39,8 @@ from hal.sim.scenario import Scenario, load_scenario
 from hal.vehicle.deadman import Deadman
 
 _POLL_S = 0.05
+_SAME_TEXT_S = 5.0
+_TEXTS_REMEMBERED = 100
 
 
 @dataclass(frozen=True)
@@ -97,6 +100,7 @@ def fly(options: FlyOptions) -> FlightReport:
     with ExitStack() as stack:
         stack.enter_context(_termination_interrupts())
         stack.enter_context(progress)
+        stack.enter_context(_warnings_noted(progress))
         connection = options.connection or mission.config.vehicle.connection
         if options.scenario is None:
             try:
@@ -142,7 +146,7 @@ async def _fly(
         if recorder is not None:
             recorder.route(route)
         sensors = registry.range_sensors(config.beams, vehicle, clock)
-        gnss = registry.gnss(vehicle, clock)
+        gnss = registry.gnss(config.gnss, vehicle, clock)
         deadman = Deadman(config.deadman, vehicle.stop_now, vehicle.hold_now, clock)
         flight = Flight(
             config,
@@ -266,6 +270,36 @@ async def opened(
             await sensor.close()
         if gnss is not None:
             await gnss.close()
+
+
+class _Notes(logging.Handler):
+    """Log records as notes; the same text again within five seconds is left out."""
+
+    def __init__(self, progress: Progress) -> None:
+        super().__init__(logging.WARNING)
+        self._progress = progress
+        self._said_s: dict[str, float] = {}
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Called on whichever thread has something to say; never blocks."""
+        text = record.getMessage()
+        if record.created - self._said_s.get(text, -math.inf) < _SAME_TEXT_S:
+            return
+        if len(self._said_s) >= _TEXTS_REMEMBERED:
+            self._said_s.clear()
+        self._said_s[text] = record.created
+        self._progress.note(text)
+
+
+@contextlib.contextmanager
+def _warnings_noted(progress: Progress) -> Iterator[None]:
+    """What the hardware layer warns of is shown with the flight, not over it."""
+    handler, hal_log = _Notes(progress), logging.getLogger("hal")
+    hal_log.addHandler(handler)
+    try:
+        yield
+    finally:
+        hal_log.removeHandler(handler)
 
 
 @contextlib.contextmanager

@@ -10,8 +10,10 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from hal.config import (
+    AutopilotGnssConfig,
     BeamsConfig,
     DeadmanConfig,
+    GnssConfig,
     GuardConfig,
     NonNegative,
     Positive,
@@ -232,6 +234,7 @@ class Config(Section):
     vehicle: VehicleConfig = Field(default_factory=VehicleConfig)
     body: BodyConfig = Field(default_factory=BodyConfig)
     beams: BeamsConfig = Field(default_factory=BeamsConfig)
+    gnss: GnssConfig = Field(default_factory=AutopilotGnssConfig)
     estimation: EstimationConfig = Field(default_factory=EstimationConfig)
     map: MapConfig = Field(default_factory=MapConfig)
     planner: PlannerConfig = Field(default_factory=PlannerConfig)

@@ -227,7 +227,7 @@ def real_drivers(config: Config) -> Drivers:
     return Drivers(
         lambda: registry.vehicle(config.vehicle, config.beams, clock),
         lambda vehicle: registry.range_sensors(config.beams, vehicle, clock),
-        lambda vehicle: registry.gnss(vehicle, clock),
+        lambda vehicle: registry.gnss(config.gnss, vehicle, clock),
         clock,
     )
 

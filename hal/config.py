@@ -386,6 +386,44 @@ class VehicleConfig(Section):
     link_timeout_s: Positive = 1.5
 
 
+class AutopilotGnssConfig(Section):
+    """The receiver at the autopilot, heard over the vehicle's link."""
+
+    driver: Literal["autopilot"] = "autopilot"
+
+
+class SerialGnssConfig(Section):
+    """A receiver on a serial port of the companion computer; see hal/gnss/README.md."""
+
+    driver: Literal["serial"] = "serial"
+    port: str = Field(min_length=1)
+    """Device; a link under /dev/serial/by-id stays the same when it is plugged in again."""
+    baud: Literal["auto"] | Annotated[int, Field(ge=4_800, le=4_000_000)] = "auto"
+    latency_s: NonNegative = 0.1
+    """From the moment that a solution is for, to its first byte on the wire."""
+    range_error_m: Positive = 4.0
+    """User range error, one sigma: what a dilution multiplies where no accuracy is sent."""
+    confirm_fixes: int = Field(default=3, ge=1, le=50)
+    """A better type of fix is told after so many solutions that claim it; a worse one at once."""
+    frozen_after_s: Positive = 5.0
+    """A position that does not move by its last digit for so long is not believed."""
+    silent_after_s: Positive = 3.0
+    """Without a whole frame for so long, the rate is searched anew."""
+    reopen_after_s: Positive = 0.2
+    """A device that is gone is tried again after this, then after twice as long ..."""
+    reopen_max_s: Positive = 3.0
+    """... up to this."""
+
+    @model_validator(mode="after")
+    def _pauses_are_ordered(self) -> "SerialGnssConfig":
+        if self.reopen_after_s > self.reopen_max_s:
+            raise ValueError("reopen_after_s must not be above reopen_max_s")
+        return self
+
+
+GnssConfig = Annotated[AutopilotGnssConfig | SerialGnssConfig, Field(discriminator="driver")]
+
+
 Model = TypeVar("Model", bound=BaseModel)
 
 

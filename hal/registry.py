@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from typing import Protocol
 
-from hal.config import BeamsConfig, VehicleConfig
+from hal.config import AutopilotGnssConfig, BeamsConfig, GnssConfig, SerialGnssConfig, VehicleConfig
 from hal.gnss.autopilot_gnss import AutopilotGnss
+from hal.gnss.serial_receiver import SerialReceiver
 from hal.interfaces import Clock, GnssReceiver, MessageSource, RangeSensor, Vehicle
 from hal.ranging.distance_sensor import MavlinkDistanceSensor
 
@@ -52,6 +53,10 @@ def range_sensors(beams: BeamsConfig, source: MessageSource, _clock: Clock) -> S
     return (MavlinkDistanceSensor(source, beams),)
 
 
-def gnss(source: MessageSource, _clock: Clock) -> Gnss:
-    """The GNSS receiver; not open yet."""
-    return AutopilotGnss(source)
+def gnss(config: GnssConfig, source: MessageSource, clock: Clock) -> Gnss:
+    """The GNSS receiver that `config.driver` names; not open yet."""
+    match config:
+        case AutopilotGnssConfig():
+            return AutopilotGnss(source)
+        case SerialGnssConfig():
+            return SerialReceiver(config, clock)

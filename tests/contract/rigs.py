@@ -14,7 +14,7 @@ from _pytest.mark.structures import ParameterSet
 from autonomy.embedded import EmbeddedPx4
 from hal import registry
 from hal.clock import MonotonicClock, SimClock
-from hal.config import BeamsConfig, VehicleConfig
+from hal.config import AutopilotGnssConfig, BeamsConfig, VehicleConfig
 from hal.gnss.autopilot_gnss import AutopilotGnss
 from hal.interfaces import Clock, GnssReceiver, RangeSensor, Vehicle
 from hal.ranging.distance_sensor import MavlinkDistanceSensor
@@ -86,7 +86,7 @@ class MavsdkRig:
         self.vehicle: Vehicle = linked
         self.range_sensor: RangeSensor | None
         (self.range_sensor,) = registry.range_sensors(beams, linked, self.clock)
-        self.gnss: GnssReceiver | None = registry.gnss(linked, self.clock)
+        self.gnss: GnssReceiver | None = registry.gnss(AutopilotGnssConfig(), linked, self.clock)
 
     async def __aenter__(self) -> Self:
         return self
