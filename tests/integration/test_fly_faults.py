@@ -26,9 +26,9 @@ from tests.support.wire import WireTap
 
 pytestmark = pytest.mark.integration
 
-AT_ONCE = 6
+AT_ONCE = 4
 LIMIT_S = 180.0
-IN_CRUISE_S = 2.5
+CRUISING_M_S = 0.15
 HOLD_MODE = (1.0, 4.0, 3.0)  # custom mode, AUTO, LOITER
 
 
@@ -71,8 +71,7 @@ def over(mock: MockProcess, folder: Path, *arguments: str, prelude: str = "") ->
 
 def cruise(flying: Flying) -> float:
     """Until it flies at speed; the time."""
-    flying.wait_for("cruise")
-    time.sleep(IN_CRUISE_S)
+    flying.wait_for_speed(CRUISING_M_S)
     return time.monotonic()
 
 
@@ -90,7 +89,7 @@ def ctrl_c_twice(folder: Path) -> Ended:
     with MockProcess(folder, "--scenario", "empty") as mock, over(mock, folder) as flying:
         since_s = cruise(flying)
         flying.send_signal(signal.SIGINT)
-        flying.wait_for("hold")
+        flying.wait_for("hold", "stopped by the operator")
         flying.send_signal(signal.SIGINT)
         return ended(flying, since_s, mock)
 
@@ -257,9 +256,7 @@ def given_up(folder: Path, number: signal.Signals = signal.SIGINT) -> Ended:
     connection = f"udpin://127.0.0.1:{free_udp_port()}"
     arguments = ("--goal", "4,3", "--connection", connection, "--config", str(config))
     with Flying(folder, *arguments) as flying:
-        while not any("waiting for a vehicle" in line["text"] for line in flying.lines):
-            assert flying.process.poll() is None, flying.errors
-            time.sleep(0.05)
+        flying.wait_for_note("waiting for a vehicle")
         time.sleep(0.5)
         flying.send_signal(number)
         return ended(flying, time.monotonic())
@@ -325,7 +322,9 @@ class Flown:
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
+def flown(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Flown:
+    if any("missions" in getattr(item, "fixturenames", ()) for item in request.session.items):
+        request.getfixturevalue("missions")  # asked for later: they may fly meanwhile
     with ThreadPoolExecutor(AT_ONCE) as pool:
         return Flown({f: pool.submit(f, tmp_path_factory.mktemp(f.__name__)) for f in FLIGHTS})
 
@@ -341,8 +340,6 @@ def test_ctrl_c_stops_holds_and_lands_by_itself(flown: Flown) -> None:
     assert end.lines[-1]["ending"] == "aborted"
     never_harmed(end.truth)
     assert on_the_ground(end.truth)
-    flown_speeds = [_speed(s) for s in end.truth if s["in_air"]]
-    assert max(flown_speeds) > 0.15, "it never cruised"
 
 
 def test_ctrl_c_twice_lands_at_once(flown: Flown) -> None:
@@ -434,7 +431,7 @@ def test_the_embedded_vehicle_does_not_outlive_a_killed_program(flown: Flown) ->
 def test_an_exception_in_the_air_is_told_and_the_vehicle_comes_down(flown: Flown) -> None:
     end = flown.by(exception_in_the_core)
     assert end.exit_code == ExitCode.INTERNAL, end
-    sentence = end.errors.splitlines()[-1]
+    (sentence,) = end.errors.splitlines()
     assert sentence.startswith("autonomy: a defect of this program: ZeroDivisionError: planted")
     never_harmed(end.truth)
     assert on_the_ground(end.truth)
@@ -445,7 +442,7 @@ def test_an_exception_in_the_air_is_told_and_the_vehicle_comes_down(flown: Flown
 def test_a_core_that_stalls_is_stopped_held_and_landed(flown: Flown) -> None:
     end = flown.by(stalled_core)
     assert end.exit_code == ExitCode.INTERNAL, end
-    sentence = end.errors.splitlines()[-1]
+    (sentence,) = end.errors.splitlines()
     assert "the control loop stood still in flight" in sentence
     never_harmed(end.truth)
     assert on_the_ground(end.truth)
@@ -484,8 +481,3 @@ def test_a_port_that_another_program_has_is_told(flown: Flown) -> None:
     (sentence,) = end.errors.splitlines()
     assert "the port of udpin://127.0.0.1:" in sentence
     assert f"cannot be opened ({os.strerror(errno.EADDRINUSE)}); stop the program" in sentence
-
-
-def _speed(state: dict[str, Any]) -> float:
-    north, east, _ = state["velocity_ned_m_s"]
-    return float((north**2 + east**2) ** 0.5)

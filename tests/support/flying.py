@@ -1,10 +1,12 @@
 """`autonomy fly` as a process of its own, as a person starts it, and what it leaves behind."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +34,13 @@ class Flying:
 
     def __enter__(self) -> "Flying":
         with self._out_path.open("wb") as out, self._err_path.open("wb") as err:
-            self._process = subprocess.Popen(self._command, stdout=out, stderr=err, cwd=ROOT)
+            self._process = subprocess.Popen(
+                self._command,
+                stdout=out,
+                stderr=err,
+                cwd=ROOT,
+                env=os.environ | {"PYTHONFAULTHANDLER": "1"},
+            )
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -69,12 +77,35 @@ class Flying:
         """The names of its events, in order."""
         return [line["name"] for line in self.lines if line["type"] == "event"]
 
-    def wait_for(self, state: str, limit_s: float = START_LIMIT_S) -> None:
-        """Until the mission has entered `state`."""
+    def wait_for(self, state: str, why: str = "", limit_s: float = START_LIMIT_S) -> None:
+        """Until the mission has entered `state`, for a reason that contains `why`."""
+        self.wait_until(
+            lambda line: line["type"] == "event" and line["name"] == state and why in line["why"],
+            f"{state} ({why})",
+            limit_s,
+        )
+
+    def wait_for_note(self, text: str, limit_s: float = START_LIMIT_S) -> None:
+        """Until it has said something that contains `text`."""
+        self.wait_until(lambda line: text in line.get("text", ""), text, limit_s)
+
+    def wait_for_speed(self, speed_m_s: float, limit_s: float = START_LIMIT_S) -> None:
+        """Until it has flown that fast, horizontally."""
+
+        def fast(line: dict[str, Any]) -> bool:
+            north, east, _ = line.get("velocity_ned_m_s") or (0.0, 0.0, 0.0)
+            return bool((north**2 + east**2) ** 0.5 > speed_m_s)
+
+        self.wait_until(fast, f"{speed_m_s} m/s", limit_s)
+
+    def wait_until(
+        self, condition: Callable[[dict[str, Any]], bool], what: str, limit_s: float
+    ) -> None:
+        """Until a line fulfils `condition`."""
         end_s = time.monotonic() + limit_s
-        while state not in self.states:
-            assert self.process.poll() is None, f"it ended before {state}: {self.errors}"
-            assert time.monotonic() < end_s, f"no {state} within {limit_s} s: {self.lines[-3:]}"
+        while not any(condition(line) for line in self.lines):
+            assert self.process.poll() is None, f"it ended before {what}: {self.errors}"
+            assert time.monotonic() < end_s, f"no {what} in {limit_s} s: {self.lines[-3:]}"
             time.sleep(0.05)
 
     def send_signal(self, number: signal.Signals) -> None:
