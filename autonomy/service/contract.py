@@ -150,7 +150,7 @@ class Room(msgspec.Struct, frozen=True, tag="room"):
 class Hits(msgspec.Struct, frozen=True, tag="hits"):
     """All known hits; replaces what was sent before."""
 
-    points: list[Point]
+    points: list[list[float]]
 
 
 class ObstacleView(msgspec.Struct, frozen=True):
