@@ -5,6 +5,7 @@ is the sentences that carry the same UTC time of day. Sentences come checked fro
 """
 
 import math
+from collections import deque
 from datetime import time
 from typing import Any
 
@@ -17,6 +18,8 @@ DILUTIONS_MAX_AGE_S = 2.5
 """GSA carries no time: it belongs to the epochs around it, also at 1 Hz."""
 VERTICAL_RATIO = 1.5
 """Vertical over horizontal dilution where VDOP is not sent: satellites are only above."""
+EPOCHS_REMEMBERED = 3
+"""A kind that did not come in so many epochs is no longer waited for."""
 _TIMED = frozenset({"GGA", "RMC", "GST"})
 _READ = _TIMED | {"GSA"}
 _QUALITIES = {
@@ -68,13 +71,14 @@ def parse(sentence: bytes) -> Fields | None:
 class Epochs:
     """Gathers the sentences of an epoch and tells its solution once.
 
-    That is as soon as all kinds have come that the epoch before had; else with the first sentence
-    of the next epoch, or when the line falls silent.
+    That is as soon as all kinds have come that the epochs before had; else with the first sentence
+    of the next epoch, or when the line falls silent. So one sentence's veto is heard before
+    another's position is told.
     """
 
     def __init__(self, range_error_m: float) -> None:
         self._range_error_m = range_error_m
-        self._expected = _TIMED
+        self._kinds: deque[frozenset[str]] = deque([_TIMED], maxlen=EPOCHS_REMEMBERED)
         self._parts: dict[str, Fields] = {}
         self._time_s: float | None = None
         self._began_s = 0.0
@@ -94,7 +98,7 @@ class Epochs:
             solutions += self.end()
             self._time_s, self._began_s = time_s, received_s
         self._parts[kind] = fields
-        if self._expected <= self._parts.keys():
+        if frozenset().union(*self._kinds) <= self._parts.keys():
             solutions += self._tell()
         return solutions
 
@@ -102,7 +106,7 @@ class Epochs:
         """The epoch is over: its solution, if it has one that was not told."""
         solutions = self._tell()
         if self._parts:
-            self._expected = frozenset(self._parts)
+            self._kinds.append(frozenset(self._parts))
         self._parts = {}
         self._told = False
         return solutions
