@@ -316,11 +316,8 @@ def _called(index: int, obstacle: Disc | Box | Wall) -> str:
 
 
 def _folder() -> Traversable:
-    """Where the shipped scenarios are: the installed configuration, else the checkout's."""
-    try:
-        return importlib.resources.files("autonomy_configs") / "scenarios"
-    except ModuleNotFoundError:
-        return Path(__file__).parents[2] / "configs" / "scenarios"
+    """Where the shipped scenarios are: a link to configs/scenarios in a checkout."""
+    return importlib.resources.files("hal.sim") / "scenarios"
 
 
 def shipped_scenarios() -> tuple[str, ...]:

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-DOCUMENTS = ("*.yaml", "*.service", "*/*.yaml")
 
 
 def test_every_folder_with_python_in_it_is_a_package() -> None:
@@ -24,8 +23,7 @@ def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("checkout")
     ignore = shutil.ignore_patterns("__pycache__")
     for top in ("autonomy", "hal", "configs"):
-        shutil.copytree(ROOT / top, folder / top, ignore=ignore)
-    (folder / "autonomy_configs").symlink_to("configs")
+        shutil.copytree(ROOT / top, folder / top, ignore=ignore, symlinks=True)
     for path in (ROOT / "pyproject.toml", ROOT / "LICENSE", *ROOT.glob("README.md")):
         shutil.copy(path, folder)
     return folder
@@ -57,18 +55,13 @@ def run_installed(site: Path, code: str) -> str:
     return run.stdout.strip()
 
 
-def test_an_installation_ships_every_document(installed: Path) -> None:
-    documents = {
-        str(path.relative_to(ROOT / "configs"))
-        for pattern in DOCUMENTS
-        for path in (ROOT / "configs").glob(pattern)
-    }
+def test_an_installation_ships_every_scenario(installed: Path) -> None:
     code = (
-        "import importlib.resources as r, pathlib; root = r.files('autonomy_configs'); "
-        f"print(*sorted(str(p.relative_to(root)) for pattern in {DOCUMENTS} "
-        "for p in pathlib.Path(str(root)).glob(pattern)))"
+        "import importlib.resources as r, pathlib; root = r.files('hal.sim') / 'scenarios'; "
+        "print(*sorted(p.name for p in pathlib.Path(str(root)).glob('*.yaml')))"
     )
-    assert set(run_installed(installed, code).split()) == documents
+    scenarios = {path.name for path in (ROOT / "configs" / "scenarios").glob("*.yaml")}
+    assert set(run_installed(installed, code).split()) == scenarios
 
 
 def test_an_installation_has_every_package_and_nothing_else(installed: Path) -> None:
@@ -84,7 +77,7 @@ def test_an_installation_has_every_package_and_nothing_else(installed: Path) -> 
     )
     assert {"autonomy", "hal", *run_installed(installed, code).split()} == expected
     top_level = next(installed.glob("*.dist-info")) / "top_level.txt"
-    assert top_level.read_text().split() == ["autonomy", "autonomy_configs", "hal"]
+    assert top_level.read_text().split() == ["autonomy", "hal"]
 
 
 def test_an_installation_has_the_version_and_the_command_and_the_command(installed: Path) -> None:
