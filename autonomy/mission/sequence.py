@@ -18,6 +18,7 @@ from hal.setpoints import RequestKind
 _REPEAT_LAND_S = 2.0
 _STREAM_BEFORE_OFFBOARD_S = 0.3
 _OFFBOARD_TIMEOUT_S = 5.0
+_OFFBOARD_AGAIN_S = 0.5
 _ARM_TIMEOUT_S = 5.0
 _SILENCE_ENDS_LANDING_S = 10.0
 # PX4 disarms 2 s after landing (COM_DISARM_LAND); it is asked only when it did not.
@@ -51,6 +52,8 @@ class Sequence:
         self._asked_to_land_s = -math.inf
         self._on_ground_since_s = math.inf
         self._offboard_accepted = False
+        self._offboard_refusal = f"it did not switch within {_OFFBOARD_TIMEOUT_S:g} s"
+        self._offboard_from_s = _STREAM_BEFORE_OFFBOARD_S
         self._seen: set[FlightMode] = set()
 
     def preflight(self, tick: Tick, elapsed_s: float, silent: tuple[str, ...]) -> Move | None:
@@ -99,12 +102,15 @@ class Sequence:
         if self._offboard_accepted and tick.inputs.status.mode is FlightMode.OFFBOARD:
             return Move(MissionState.DETECT, "PX4 lets this service fly; looking around first")
         reason = tick.refusal(RequestKind.OFFBOARD)
-        if reason is None and elapsed_s > _OFFBOARD_TIMEOUT_S:
-            reason = f"it did not switch within {_OFFBOARD_TIMEOUT_S:g} s"
         if reason is not None:
-            why = f"PX4 refused Offboard: {reason}"
+            # The vehicle hovers in Hold: a refusal for want of a fresh position may pass.
+            self._offboard_refusal = reason
+            self._asked.discard(RequestKind.OFFBOARD)
+            self._offboard_from_s = elapsed_s + _OFFBOARD_AGAIN_S
+        if elapsed_s > _OFFBOARD_TIMEOUT_S:
+            why = f"PX4 refused Offboard: {self._offboard_refusal}"
             return Move(MissionState.LAND, why, Outcome(Ending.OFFBOARD_REFUSED, why))
-        if elapsed_s >= _STREAM_BEFORE_OFFBOARD_S:
+        if elapsed_s >= self._offboard_from_s and tick.fused.ok:
             self._ask_once(tick, RequestKind.OFFBOARD)
         return None
 

@@ -3,7 +3,8 @@
 from autonomy.config import Config
 from autonomy.mission.guarded import Command
 from autonomy.model import Ending, MissionState
-from autonomy.simulation import Simulation, goal_of, with_scenario
+from autonomy.simulation import SimulatedFlight, Simulation, goal_of, with_scenario
+from hal.setpoints import Reply, Request, RequestKind
 from hal.sim.px4 import Mode
 from hal.sim.scenario import load_scenario
 
@@ -47,3 +48,35 @@ def test_a_link_that_stays_silent_after_a_stall_is_lost_in_bounded_time() -> Non
     flight = simulation().run(on_tick=cut)
     assert flight.outcome.ending is Ending.LINK_LOST, flight.outcome.why
     assert landing_s[0] - cut_s[0] < Config().vehicle.link_timeout_s + 0.2
+
+
+def flown_with_refusals(refusals: int) -> tuple[SimulatedFlight, int]:
+    """A flight whose first `refusals` requests for OFFBOARD are refused; how often it asked."""
+    sim, asked = simulation(), 0
+    execute_now = sim.vehicle.execute_now
+
+    def refuse(request: Request) -> Reply:
+        nonlocal asked
+        if request.kind is not RequestKind.OFFBOARD:
+            return execute_now(request)
+        asked += 1
+        if asked <= refusals:
+            now_s = sim.clock.now_s()
+            return Reply(now_s, request.kind, accepted=False, reason=f"planted {asked}")
+        return execute_now(request)
+
+    sim.vehicle.execute_now = refuse  # type: ignore[method-assign]  # a double of one method
+    return sim.run(), asked
+
+
+def test_a_passing_refusal_of_offboard_is_asked_again() -> None:
+    flight, asked = flown_with_refusals(2)
+    assert flight.outcome.ending is Ending.GOAL_REACHED, flight.outcome.why
+    assert asked == 3
+
+
+def test_a_lasting_refusal_of_offboard_lands_and_tells_the_last_reason() -> None:
+    flight, asked = flown_with_refusals(1000)
+    assert flight.outcome.ending is Ending.OFFBOARD_REFUSED
+    assert flight.outcome.why == f"PX4 refused Offboard: planted {asked}"
+    assert 5 <= asked <= 12
