@@ -101,7 +101,8 @@ def serve(options: ServeOptions) -> int:
             lock = VehicleLock(connection, Holder("autonomy serve", os.getpid(), utc_now()))
             stack.enter_context(lock)
             lock.reachable_at(url_of(listening))
-        notifier.status("warming up the planner")
+        notifier.status("compiling the planner: minutes the first time, then seconds")
+        _LOG.info("compiling the planner: minutes the first time, then seconds")
         warm_up()
         if options.scenario is not None:
             embedded = stack.enter_context(EmbeddedPx4(options.scenario, options.seed))
