@@ -3,11 +3,20 @@
 from collections.abc import Callable
 from typing import Protocol
 
-from hal.config import AutopilotGnssConfig, BeamsConfig, GnssConfig, SerialGnssConfig, VehicleConfig
+from hal.config import (
+    AutopilotGnssConfig,
+    BeamsConfig,
+    GnssConfig,
+    I2cDriver,
+    MavlinkDriver,
+    SerialGnssConfig,
+    VehicleConfig,
+)
 from hal.gnss.autopilot_gnss import AutopilotGnss
 from hal.gnss.serial_receiver import SerialReceiver
 from hal.interfaces import Clock, GnssReceiver, MessageSource, RangeSensor, Vehicle
 from hal.ranging.distance_sensor import MavlinkDistanceSensor
+from hal.ranging.i2c_range_sensor import I2cRangeSensor
 
 Sensors = tuple[RangeSensor, ...]
 Gnss = GnssReceiver | None
@@ -45,12 +54,22 @@ def vehicle(config: VehicleConfig, beams: BeamsConfig, clock: Clock) -> LinkedVe
     return VEHICLES[config.driver](config, beams, clock)
 
 
-def range_sensors(beams: BeamsConfig, source: MessageSource, _clock: Clock) -> Sensors:
+def range_sensors(beams: BeamsConfig, source: MessageSource, clock: Clock) -> Sensors:
     """The drivers of all configured beams; not open yet.
 
     Raises ReadingRefused when the mounts cannot be told apart over MAVLink.
     """
-    return (MavlinkDistanceSensor(source, beams),)
+    sensors: list[RangeSensor] = list(local_range_sensors(beams, clock))
+    if beams.over_mavlink() and any(isinstance(d, MavlinkDriver) for d in beams.drivers):
+        own = beams.model_copy(update={"mounts": beams.over_mavlink()})
+        sensors.append(MavlinkDistanceSensor(source, own))
+    return tuple(sensors)
+
+
+def local_range_sensors(beams: BeamsConfig, clock: Clock) -> Sensors:
+    """The drivers of the beams that are wired to this computer and need no vehicle."""
+    wired = (driver for driver in beams.drivers if isinstance(driver, I2cDriver))
+    return tuple(I2cRangeSensor(driver, beams, clock) for driver in wired)
 
 
 def gnss(config: GnssConfig, source: MessageSource, clock: Clock) -> Gnss:

@@ -21,7 +21,9 @@ from hal.ranging.distance_sensor import MavlinkDistanceSensor
 from hal.sim.autopilot import Autopilot
 from hal.sim.scenario import load_scenario
 from hal.sim.vehicle import SimVehicle
+from tests.support import i2c_rig
 from tests.support.link import SpokenLink
+from tests.support.lockstep import LockstepTime
 
 SCENARIO = "empty"
 _TICK_S = 0.05
@@ -181,7 +183,53 @@ class SpokenRig:
         )
 
 
-IN_PROCESS: dict[str, Callable[[], Rig]] = {"simulated": SimulatedRig, "spoken": SpokenRig}
+class BusRig:
+    """Sensors on a fake I2C bus in simulated time; the simulated vehicle stands beside them."""
+
+    def __init__(self, wire: Callable[[Clock], i2c_rig.Bench]) -> None:
+        self._time = LockstepTime()
+        self.clock: Clock = self._time.clock
+        self.bench = wire(self.clock)
+        self.vehicle: Vehicle = SimulatedRig().vehicle
+        self.range_sensor: RangeSensor | None = self.bench.sensor(self._time)
+        self.gnss: GnssReceiver | None = None
+        self._ticking: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> Self:
+        self._ticking = asyncio.get_running_loop().create_task(self._tick_on())
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        if self.range_sensor is not None:
+            await self.range_sensor.close()
+        if self._ticking is not None:
+            self._ticking.cancel()
+            await asyncio.gather(self._ticking, return_exceptions=True)
+
+    async def _tick_on(self) -> None:
+        while True:
+            self._time.advance(_TICK_S)
+            await asyncio.sleep(0.001)
+
+    async def pass_time(self, seconds: float) -> None:
+        self._time.advance(seconds)
+
+    def fall_silent(self) -> None:
+        self.bench.bus.dead = True
+
+    def speak_again(self) -> None:
+        self.bench.bus.dead = False
+
+
+IN_PROCESS: dict[str, Callable[[], Rig]] = {
+    "simulated": SimulatedRig,
+    "spoken": SpokenRig,
+    "vl53l0x behind tca9548a": lambda: BusRig(i2c_rig.behind_a_multiplexer),
+    "vl53l1x with xshut": lambda: BusRig(i2c_rig.with_xshut_lines),
+    "gp2y0a21 on ads1115": lambda: BusRig(i2c_rig.on_converters),
+    "mixed i2c": lambda: BusRig(i2c_rig.mixed),
+}
+ON_A_BUS = tuple(name for name in IN_PROCESS if name not in ("simulated", "spoken"))
 OVER_THE_WIRE: dict[str, Callable[[EmbeddedPx4], Rig]] = {"mavsdk": MavsdkRig}
 
 

@@ -9,11 +9,20 @@ from hal.config import six_beams
 from hal.errors import ConnectionFailed
 from hal.interfaces import GnssReceiver, RangeSensor
 from hal.readings import RangeStatus
-from tests.contract.rigs import Rig, build, parameters
+from tests.contract.rigs import ON_A_BUS, Rig, build, parameters
+
+
+@pytest.fixture(params=parameters("spoken", *ON_A_BUS))
+async def rig(request: pytest.FixtureRequest) -> AsyncIterator[Rig]:
+    """With range sensors."""
+    async with build(request) as built:
+        await built.vehicle.open(15.0)
+        yield built
 
 
 @pytest.fixture(params=parameters("spoken"))
-async def rig(request: pytest.FixtureRequest) -> AsyncIterator[Rig]:
+async def receiving(request: pytest.FixtureRequest) -> AsyncIterator[Rig]:
+    """With a receiver."""
     async with build(request) as built:
         await built.vehicle.open(15.0)
         yield built
@@ -69,16 +78,16 @@ async def test_a_closed_sensor_is_quiet_and_closes_again(rig: Rig) -> None:
     assert sensor.take() == ()
 
 
-async def test_a_receiver_tells_a_fix_on_earth(rig: Rig) -> None:
-    receiver = gnss_of(rig)
+async def test_a_receiver_tells_a_fix_on_earth(receiving: Rig) -> None:
+    receiver = gnss_of(receiving)
     assert receiver.fix() is None
     await receiver.open(5.0)
     first = receiver.fix()
     assert first is not None
     assert first.fix_type.has_position
     assert 47.0 < first.latitude_deg < 48.0
-    assert first.stamp_s <= rig.clock.now_s()
-    await rig.pass_time(1.0)
+    assert first.stamp_s <= receiving.clock.now_s()
+    await receiving.pass_time(1.0)
     later = receiver.fix()
     assert later is not None
     assert later.stamp_s > first.stamp_s
@@ -86,8 +95,8 @@ async def test_a_receiver_tells_a_fix_on_earth(rig: Rig) -> None:
     await receiver.close()
 
 
-async def test_a_silent_receiver_fails_to_open(rig: Rig) -> None:
-    rig.fall_silent()
-    await rig.pass_time(0.3)
+async def test_a_silent_receiver_fails_to_open(receiving: Rig) -> None:
+    receiving.fall_silent()
+    await receiving.pass_time(0.3)
     with pytest.raises(ConnectionFailed):
-        await gnss_of(rig).open(0.3)
+        await gnss_of(receiving).open(0.3)

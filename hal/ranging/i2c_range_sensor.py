@@ -1,0 +1,240 @@
+"""Range beams on a Linux I2C bus: VL53L0X, VL53L1X, and Sharp sensors behind an ADS1115."""
+
+import asyncio
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Protocol
+
+from hal.clock import Clock
+from hal.config import (
+    BeamsConfig,
+    I2cDriver,
+    I2cSensorConfig,
+    SharpIrConfig,
+    Vl53l0xConfig,
+)
+from hal.errors import ConnectionFailed
+from hal.ranging.adc_ir import SharpIr
+from hal.ranging.ads1115 import Ads1115
+from hal.ranging.bus_server import BusServer, Station
+from hal.ranging.gpio import OutputLine, output_line
+from hal.ranging.i2c_bus import I2cBus, LinuxI2cBus
+from hal.ranging.ranger import Addressable, Limits, Ranger
+from hal.ranging.tca9548a import Channel, Switches
+from hal.ranging.vl53l0x import Vl53l0x
+from hal.ranging.vl53l1x import Vl53l1x
+from hal.readings import RangeReading
+
+_KEPT = 256
+_POLL_S = 0.02
+_REFUSED_AFTER = 2
+"""A chip that says twice in a row who it is was not misheard."""
+_MUX_RESET_S = 0.001
+_JOIN_S = 2.0
+
+
+class Waiter(Protocol):
+    """How the driver's thread lets time pass."""
+
+    def wait(self, seconds: float) -> bool:
+        """Wait, at most; True as soon as the thread is to end."""
+        ...
+
+    def pause(self, seconds: float) -> None:
+        """Wait within a transaction of some milliseconds."""
+        ...
+
+    def stop(self) -> None:
+        """Tell the thread to end; for any thread."""
+        ...
+
+
+class ThreadWaiter:
+    """`Waiter` in the machine's own time."""
+
+    def __init__(self) -> None:
+        self._stopped = threading.Event()
+
+    def wait(self, seconds: float) -> bool:
+        """Wait, at most; True as soon as the thread is to end."""
+        return self._stopped.wait(seconds)
+
+    def pause(self, seconds: float) -> None:
+        """Wait within a transaction of some milliseconds."""
+        time.sleep(seconds)
+
+    def stop(self) -> None:
+        """Tell the thread to end."""
+        self._stopped.set()
+
+
+class I2cRangeSensor:
+    """`hal.interfaces.RangeSensor`: all sensors of one bus, served by one thread.
+
+    A stamp is the middle of the measurement. A sensor that fails is silent until it is back; its
+    station says why.
+    """
+
+    def __init__(
+        self,
+        driver: I2cDriver,
+        beams: BeamsConfig,
+        clock: Clock,
+        *,
+        open_bus: Callable[[str], I2cBus] = LinuxI2cBus,
+        open_line: Callable[[str], OutputLine] = output_line,
+        new_waiter: Callable[[], Waiter] = ThreadWaiter,
+    ) -> None:
+        self._driver = driver
+        self._beams = beams
+        self._clock = clock
+        self._open_bus, self._open_line, self._new_waiter = open_bus, open_line, new_waiter
+        self._readings: deque[RangeReading] = deque(maxlen=_KEPT)
+        self._thread: threading.Thread | None = None
+        self._waiter: Waiter | None = None
+        self._failure: str | None = None
+        self.stations: tuple[Station, ...] = ()
+        """The sensors and how they are, once it was opened."""
+        self.server: BusServer | None = None
+
+    async def open(self, deadline_s: float) -> None:
+        """Start all sensors; returns when each has measured.
+
+        Raises ConnectionFailed: the bus cannot be opened, another chip answers, or a sensor did
+        not measure within `deadline_s`. Cancelling closes it.
+        """
+        await self.close()
+        self._start()
+        try:
+            async with asyncio.timeout(deadline_s):
+                while not all(station.heard for station in self.stations):
+                    self._refuse_wrong_chips()
+                    await asyncio.sleep(_POLL_S)
+        except TimeoutError:
+            troubles = [f"{s.mount.name}: {s.trouble}" for s in self.stations if not s.heard]
+            await self.close()
+            raise ConnectionFailed(
+                f"no range within {deadline_s:g} s on {self._driver.bus} from "
+                f"{'; '.join(troubles)}; check wiring, power and beams.drivers"
+            ) from None
+        except BaseException:
+            await self.close()
+            raise
+
+    def _refuse_wrong_chips(self) -> None:
+        if self._failure is not None:
+            raise ConnectionFailed(self._failure)
+        for station in self.stations:
+            if station.refusals >= _REFUSED_AFTER:
+                raise ConnectionFailed(f"beam {station.mount.name}: {station.trouble}")
+
+    async def close(self) -> None:
+        """Stop the sensors and the thread. May be called twice."""
+        thread, self._thread = self._thread, None
+        if self._waiter is not None:
+            self._waiter.stop()
+        if thread is not None:
+            await asyncio.to_thread(thread.join, _JOIN_S)
+        self._readings.clear()
+
+    def take(self) -> tuple[RangeReading, ...]:
+        """Readings since the last call, oldest first; at most the last 256."""
+        return tuple(self._readings.popleft() for _ in range(len(self._readings)))
+
+    # ------------------------------------------------------------------ the thread
+
+    def _start(self) -> None:
+        lines: list[OutputLine] = []
+
+        def line(name: str) -> OutputLine:
+            opened = self._open_line(name)
+            lines.append(opened)
+            return opened
+
+        waiter = self._new_waiter()
+        bus: I2cBus | None = None
+        try:
+            bus = self._open_bus(self._driver.bus)
+            server = self._wired(bus, line, waiter)
+        except ConnectionFailed:
+            _let_go(bus, lines)
+            raise
+        self._waiter, self._failure, self.server = waiter, None, server
+        self._thread = threading.Thread(
+            target=self._serve,
+            args=(server, waiter, bus, lines),
+            name=f"i2c beams {self._driver.bus}",
+            daemon=True,  # a transfer that hangs in the kernel must not keep the process alive
+        )
+        self._thread.start()
+
+    def _serve(
+        self, server: BusServer, waiter: Waiter, bus: I2cBus, lines: list[OutputLine]
+    ) -> None:
+        try:
+            while not waiter.wait(server.step()):
+                pass
+            server.end()
+        except Exception as error:  # noqa: BLE001 - a thread's last words; told by `open`
+            self._failure = f"a defect of the I2C driver: {type(error).__name__}: {error}"
+        finally:
+            _let_go(bus, lines)
+
+    def _wired(self, bus: I2cBus, line: Callable[[str], OutputLine], waiter: Waiter) -> BusServer:
+        switches = Switches(
+            bus, frozenset(s.mux_address for s in self._driver.sensors if s.mux_address is not None)
+        )
+        converters: dict[tuple[tuple[int, int] | None, int], Ads1115] = {}
+        stations = []
+        for sensor in self._driver.sensors:
+            segment = sensor.segment
+            here = bus if segment is None else Channel(bus, switches, *segment)
+            if isinstance(sensor, SharpIrConfig):
+                converter = converters.setdefault(
+                    (segment, sensor.address), Ads1115(here, sensor.address, waiter.pause)
+                )
+                stations.append(self._station(sensor, SharpIr(converter, sensor), None))
+                continue
+            ranger: Addressable = (
+                Vl53l0x(here, sensor)
+                if isinstance(sensor, Vl53l0xConfig)
+                else Vl53l1x(here, sensor)
+            )
+            switch = None if sensor.xshut is None else (ranger, line(sensor.xshut))
+            stations.append(self._station(sensor, ranger, switch))
+        self.stations = tuple(stations)
+        reset = None if self._driver.mux_reset is None else line(self._driver.mux_reset)
+        if reset is not None:
+            reset.set(high=True)
+
+        def free_bus() -> None:
+            switches.forget()
+            if reset is not None:
+                reset.set(high=False)
+                waiter.pause(_MUX_RESET_S)
+                reset.set(high=True)
+
+        return BusServer(bus, stations, self._clock, self._readings.append, free_bus)
+
+    def _station(
+        self,
+        sensor: I2cSensorConfig,
+        ranger: Ranger,
+        switch: tuple[Addressable, OutputLine] | None,
+    ) -> Station:
+        limits = Limits(max(self._beams.min_m, ranger.min_m), min(self._beams.max_m, ranger.max_m))
+        if limits.min_m >= limits.max_m:
+            raise ConnectionFailed(
+                f"beam {sensor.beam}: a {ranger.kind} measures {ranger.min_m:g} to "
+                f"{ranger.max_m:g} m, which has nothing in common with beams.min_m and max_m"
+            )
+        return Station(self._beams.mount(sensor.beam), limits, ranger, switch)
+
+
+def _let_go(bus: I2cBus | None, lines: list[OutputLine]) -> None:
+    for line in lines:
+        line.release()
+    if bus is not None:
+        bus.close()
