@@ -106,6 +106,7 @@ _WARNINGS_COUNT_S = 15.0
 _TAKEOFF_ALTITUDE_TOLERANCE_M = 1e-3
 _VERSION_WAIT_S = 2.0
 _POLL_S = 0.02
+_ANSWERS_COME_S = 3.0  # the library gives a request up after 2 s of silence
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -193,6 +194,9 @@ class MavsdkVehicle:
         self._link: _Link | None = None
         self._worker: ThreadPoolExecutor | None = None
         self._setpoints: _Setpoints | None = None
+        self._answers = threading.Condition()
+        self._unanswered: set[object] = set()
+        """Requests that the library has not called back for."""
         self._listeners: list[tuple[str, Callable[[WireMessage], None]]] = []
         self._system_id = 0
         self._boot = BootClock()
@@ -221,7 +225,8 @@ class MavsdkVehicle:
 
         Never waits for a global position or a home. Raises PortInUse, ConnectionFailed (also for
         a connection that makes no sense, and when already open), WrongAutopilot. Cancelling ends
-        the attempt and leaves nothing open, after at most the one parameter read under way.
+        the attempt and leaves nothing open, after at most the one parameter read under way and
+        the answers to what was asked.
         """
         if self._worker is not None:
             raise ConnectionFailed("this vehicle is open already; close it first")
@@ -291,13 +296,35 @@ class MavsdkVehicle:
 
     def _tear_down(self) -> None:
         with self._door:
-            self._link = None
+            link, self._link = self._link, None
         setpoints, self._setpoints = self._setpoints, None
         if setpoints is not None:
             setpoints.close()
+        # The library's plugins are gone before its threads are: an answer that comes in between
+        # would be a call into freed memory.
+        with self._answers:
+            self._answers.wait_for(lambda: not self._unanswered, _ANSWERS_COME_S)
+            self._unanswered.clear()
         mavsdk, self._mavsdk = self._mavsdk, None
         if mavsdk is not None:
             mavsdk.destroy()
+        del link  # owns the callbacks, so it must live as long as what calls them
+
+    def _awaited(self, answer: Callable[..., None]) -> Callable[..., None]:
+        """`answer` as a callback of the library that closing the link waits for."""
+        request = object()
+        with self._answers:
+            self._unanswered.add(request)
+
+        def answered(*values: object) -> None:
+            try:
+                answer(*values)
+            finally:
+                with self._answers:
+                    self._unanswered.discard(request)
+                    self._answers.notify_all()
+
+        return answered
 
     def _forget_what_was_heard(self) -> None:
         self._boot = BootClock()
@@ -571,7 +598,7 @@ class MavsdkVehicle:
         with self._door:
             if self._link is None:
                 return "the link is not open"
-            choose(self._link)(answered)
+            choose(self._link)(self._awaited(answered))
         result = await future
         return _problem(result)
 
@@ -592,7 +619,7 @@ class MavsdkVehicle:
             )
             with self._door:
                 if self._link is not None:
-                    self._link.direct.send_command_async(message, lambda *_: None)
+                    self._link.direct.send_command_async(message, self._awaited(lambda *_: None))
 
     # ---------------------------------------------------------------- setpoints
 
@@ -628,7 +655,7 @@ class MavsdkVehicle:
         """Ask for Hold without waiting for the answer. For the deadman: any thread."""
         with self._door:
             if self._link is not None:
-                self._link.action.hold_async(lambda *_: None)
+                self._link.action.hold_async(self._awaited(lambda *_: None))
 
     def _here(self, *, keep: bool = False) -> Setpoint | None:
         """A setpoint that stays where the vehicle is; None without a fresh position.

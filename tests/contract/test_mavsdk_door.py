@@ -2,6 +2,8 @@
 
 import asyncio
 import math
+import os
+import signal
 import socket
 import threading
 import time
@@ -149,6 +151,24 @@ async def test_it_opens_again_after_closing_and_leaves_no_thread(px4: EmbeddedPx
         await vehicle.close()
     await asyncio.sleep(0.1)
     assert native_threads() <= before
+
+
+async def test_closing_waits_for_what_was_asked(px4: EmbeddedPx4) -> None:
+    """An answer that came while the library took its plugins down ended the process."""
+    vehicle = vehicle_on(px4.connection)
+    for _ in range(4):
+        await vehicle.open(15.0)
+        vehicle.hold_now()
+        vehicle.hold_now()
+        await vehicle.close()
+    assert (await vehicle.open(15.0)).system_id == 1
+    os.kill(px4.pid or 0, signal.SIGSTOP)
+    vehicle.hold_now()
+    began_s = time.monotonic()
+    await vehicle.close()
+    os.kill(px4.pid or 0, signal.SIGCONT)
+    # Nobody answers: the library gives the request up, and only then is the link taken down.
+    assert 1.0 < time.monotonic() - began_s < 6.0
 
 
 async def test_requests_over_a_closed_link_are_refused_in_words() -> None:
