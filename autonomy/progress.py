@@ -74,9 +74,8 @@ class Progress:
         if kind == "json":
             return cls(JsonScreen(out))
         console = _Console(file=out, highlight=False)
-        return cls(
-            LiveScreen(console) if kind == "auto" and console.is_terminal else LineScreen(console)
-        )
+        live = kind == "auto" and console.is_terminal and not console.is_dumb_terminal
+        return cls(LiveScreen(console) if live else LineScreen(console))
 
     def __enter__(self) -> "Progress":
         """Start writing."""

@@ -3,6 +3,8 @@
 import asyncio
 import functools
 import inspect
+import os
+import signal
 import threading
 from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
@@ -10,6 +12,20 @@ from typing import Any
 import pytest
 
 THREAD_GRACE_S = 2.0
+_TERMINAL = ("NO_COLOR", "FORCE_COLOR", "COLUMNS", "LINES", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
+
+
+def pytest_configure() -> None:
+    """Tests, and the programs that they start, see one terminal and one Ctrl-C on every machine.
+
+    A shell without job control starts what runs in the background with SIGINT ignored, and
+    children inherit that.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.environ["TERM"] = "xterm-256color"
+    for name in _TERMINAL:
+        os.environ.pop(name, None)
 
 
 @pytest.fixture(autouse=True)
