@@ -51,7 +51,6 @@ from hal.errors import ConnectionFailed, HalError
 from hal.frames import ZERO3, Vector3, add, ned_from_frd, subtract
 from hal.interfaces import Clock
 from hal.readings import (
-    FlightMode,
     LandedState,
     LocalPosition,
     RangeReading,
@@ -482,10 +481,6 @@ class Service:
     ) -> FlightReport:
         """From preflight to landing."""
         vehicle, clock = connected.vehicle, self._drivers.clock
-        before = vehicle.status()
-        if before.mode is FlightMode.OFFBOARD and not before.armed:
-            # PX4 goes back to Offboard when it disarms after a landing, and refuses to arm there.
-            await vehicle.execute(Request(RequestKind.HOLD))
         deadman = Deadman(mission.config.deadman, vehicle.stop_now, vehicle.hold_now, clock)
         watch = FlightWatch(self._station, self._metrics, self._notifier, recorder)
         flight = Flight(

@@ -57,7 +57,12 @@ class Sequence:
         self._seen: set[FlightMode] = set()
 
     def preflight(self, tick: Tick, elapsed_s: float, silent: tuple[str, ...]) -> Move | None:
-        """Wait until nothing forbids arming, or refuse when the time is up."""
+        """Wait until nothing forbids arming, or refuse when the time is up.
+
+        After a landing PX4 shows the mode that was flown before, Offboard, and does not arm in it.
+        """
+        if tick.inputs.status.mode is FlightMode.OFFBOARD and not tick.inputs.status.armed:
+            self._ask_once(tick, RequestKind.HOLD)
         found = preflight.findings(
             self._config, tick.inputs.facts, tick.inputs.status, tick.fused, silent
         )
@@ -71,6 +76,7 @@ class Sequence:
     def arm(self, tick: Tick, elapsed_s: float) -> Move | None:
         """Arm once; refused means the flight does not happen."""
         if tick.inputs.status.armed:
+            self._asked.discard(RequestKind.HOLD)  # the mission's end may ask for it again
             return Move(MissionState.TAKEOFF, "the vehicle is armed")
         reason = tick.refusal(RequestKind.ARM)
         if reason is None and elapsed_s > _ARM_TIMEOUT_S:

@@ -1,0 +1,114 @@
+"""From the ground into the air and back, one state at a time."""
+
+import msgspec
+import pytest
+
+from autonomy.config import Config
+from autonomy.mission.sequence import Sequence
+from autonomy.mission.tick import Tick
+from autonomy.model import Ending, FusedState, Inputs, MissionState
+from hal.frames import ZERO3
+from hal.readings import FlightMode, LandedState, VehicleStatus
+from hal.setpoints import Reply, RequestKind
+
+FUSED = FusedState(0.0, ZERO3, ZERO3, 0.0, 0.03, 0.0, True)
+GROUND = VehicleStatus(0.0, False, FlightMode.HOLD, LandedState.ON_GROUND, 0.05)
+
+
+def tick(status: VehicleStatus, now_s: float = 0.0, *replies: Reply) -> Tick:
+    inputs = Inputs(now_s, (), None, None, None, status, replies=replies)
+    return Tick(inputs, FUSED, 0.05)
+
+
+def asked(at: Tick) -> list[RequestKind]:
+    return [request.kind for request in at.requests]
+
+
+def changed(status: VehicleStatus, **fields: object) -> VehicleStatus:
+    return msgspec.structs.replace(status, **fields)
+
+
+def test_arming_is_asked_for_once() -> None:
+    sequence = Sequence(Config())
+    first, second = tick(GROUND), tick(GROUND, 0.05)
+    assert sequence.arm(first, 0.0) is None
+    assert sequence.arm(second, 0.05) is None
+    assert asked(first) == [RequestKind.ARM]
+    assert asked(second) == []
+
+
+def test_a_vehicle_left_in_offboard_by_its_last_landing_is_put_in_hold_first() -> None:
+    sequence = Sequence(Config())
+    left = changed(GROUND, mode=FlightMode.OFFBOARD, armable=False)
+    first, second = tick(left), tick(left, 0.05)
+    assert sequence.preflight(first, 0.0, ()) is None
+    assert sequence.preflight(second, 0.05, ()) is None
+    assert [asked(first), asked(second)] == [[RequestKind.HOLD], []]
+    move = sequence.preflight(tick(GROUND, 0.1), 0.1, ())
+    assert move is not None
+    assert move.state is MissionState.ARM
+    sequence.arm(tick(changed(GROUND, armed=True), 0.2), 0.2)
+    end = tick(changed(GROUND, armed=True, landed=LandedState.IN_AIR), 60.0)
+    sequence.ask_hold(end)
+    assert asked(end) == [RequestKind.HOLD], "the mission's end may ask for Hold again"
+
+
+@pytest.mark.parametrize("elapsed_s", [0.05, 5.01])
+def test_a_refused_or_silent_arming_ends_the_mission_on_the_ground(elapsed_s: float) -> None:
+    refusal = (Reply(0.05, RequestKind.ARM, False, "no compass"),) if elapsed_s < 1.0 else ()
+    move = Sequence(Config()).arm(tick(GROUND, elapsed_s, *refusal), elapsed_s)
+    assert move is not None
+    assert move.state is MissionState.LAND
+    assert move.outcome is not None
+    assert move.outcome.ending is Ending.PREFLIGHT_REFUSED
+    assert ("no compass" in move.why) == bool(refusal)
+
+
+def test_landing_is_asked_for_again_until_px4_lands() -> None:
+    sequence = Sequence(Config())
+    flying = changed(GROUND, armed=True, landed=LandedState.IN_AIR, mode=FlightMode.HOLD)
+    times = [0.05 * k for k in range(60)]
+    asking = []
+    for now_s in times:
+        step = tick(flying, now_s)
+        assert sequence.land(step, now_s) is None
+        asking += [now_s for kind in asked(step) if kind is RequestKind.LAND]
+    assert asking == pytest.approx([0.0, 2.0])
+
+
+def test_px4_disarms_by_itself_and_is_asked_only_when_it_did_not() -> None:
+    sequence = Sequence(Config())
+    down = changed(GROUND, armed=True, mode=FlightMode.LAND)
+    first_s = None
+    for k in range(200):
+        step = tick(down, 0.05 * k)
+        assert sequence.land(step, 0.05 * k) is None
+        if RequestKind.DISARM in asked(step):
+            first_s = first_s if first_s is not None else step.now_s
+    assert first_s == pytest.approx(5.0)
+
+
+def test_in_the_air_nothing_ever_asks_to_disarm() -> None:
+    sequence = Sequence(Config())
+    for landed in (LandedState.IN_AIR, LandedState.LANDING, LandedState.TAKEOFF):
+        flying = changed(GROUND, armed=True, landed=landed, mode=FlightMode.LAND)
+        for k in range(400):
+            step = tick(flying, 0.05 * k)
+            sequence.land(step, 0.05 * k)
+            assert RequestKind.DISARM not in asked(step)
+
+
+def test_a_vehicle_that_fell_silent_is_px4s() -> None:
+    gone = changed(GROUND, armed=True, landed=LandedState.IN_AIR, link_age_s=10.1)
+    move = Sequence(Config()).land(tick(gone, 20.0), 20.0)
+    assert move is not None
+    assert move.state is MissionState.DONE
+    assert "failsafe" in move.why
+
+
+def test_landed_and_disarmed_ends_the_mission_after_a_moment() -> None:
+    sequence = Sequence(Config())
+    assert sequence.land(tick(GROUND, 0.5), 0.5) is None
+    move = sequence.land(tick(GROUND, 1.0), 1.0)
+    assert move is not None
+    assert move.state is MissionState.DONE
