@@ -68,7 +68,8 @@ class DistanceMessage(msgspec.Struct, frozen=True):
         """
         min_m = max(self.min_distance * 0.01, config.min_m)
         max_m = min(self.max_distance * 0.01, config.max_m)
-        range_m = self.current_distance * 0.01
+        mount = config.mount(beam)
+        range_m = max(0.0, self.current_distance * 0.01 - mount.offset_m)
         if self.signal_quality == INVALID or self.current_distance >= WRAPPED_CM:
             status, range_m = RangeStatus.NO_SIGNAL, 0.0
         elif range_m <= min_m:
@@ -82,7 +83,7 @@ class DistanceMessage(msgspec.Struct, frozen=True):
             beam=beam,
             status=status,
             range_m=range_m,
-            variance_m2=self._variance_m2(range_m),
+            variance_m2=max(self._variance_m2(range_m), mount.sigma_m * mount.sigma_m),
             min_m=min_m,
             max_m=max_m,
         )

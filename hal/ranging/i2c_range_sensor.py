@@ -94,6 +94,8 @@ class I2cRangeSensor:
         self._readings: deque[RangeReading] = deque(maxlen=_KEPT)
         self._thread: threading.Thread | None = None
         self._waiter: Waiter | None = None
+        self._bus: I2cBus | None = None
+        self._lines: list[OutputLine] = []
         self._failure: str | None = None
         self.stations: tuple[Station, ...] = ()
         """The sensors and how they are, once it was opened."""
@@ -146,32 +148,36 @@ class I2cRangeSensor:
     # ------------------------------------------------------------------ the thread
 
     def _start(self) -> None:
-        lines: list[OutputLine] = []
-
-        def line(name: str) -> OutputLine:
-            opened = self._open_line(name)
-            lines.append(opened)
-            return opened
-
-        waiter = self._new_waiter()
-        bus: I2cBus | None = None
-        try:
-            bus = self._open_bus(self._driver.bus)
-            server = self._wired(bus, line, waiter)
-        except ConnectionFailed:
-            _let_go(bus, lines)
-            raise
-        self._waiter, self._failure, self.server = waiter, None, server
+        server = self.wire()
+        self._failure = None
         self._thread = threading.Thread(
             target=self._serve,
-            args=(server, waiter, bus, lines),
+            args=(server, self._waiter, self._bus, self._lines),
             name=f"i2c beams {self._driver.bus}",
             daemon=True,  # a transfer that hangs in the kernel must not keep the process alive
         )
         self._thread.start()
 
+    def wire(self) -> BusServer:
+        """Open the bus and the lines, and set up the sensors' server; nothing is started yet.
+
+        Raises ConnectionFailed.
+        """
+        self._lines, self._bus, self._waiter = [], None, self._new_waiter()
+        try:
+            self._bus = self._open_bus(self._driver.bus)
+            self.server = self._wired(self._bus, self._waiter)
+        except BaseException:
+            _let_go(self._bus, self._lines)
+            raise
+        return self.server
+
+    def _line(self, name: str) -> OutputLine:
+        self._lines.append(self._open_line(name))
+        return self._lines[-1]
+
     def _serve(
-        self, server: BusServer, waiter: Waiter, bus: I2cBus, lines: list[OutputLine]
+        self, server: BusServer, waiter: Waiter, bus: I2cBus | None, lines: list[OutputLine]
     ) -> None:
         try:
             while not waiter.wait(server.step()):
@@ -182,7 +188,7 @@ class I2cRangeSensor:
         finally:
             _let_go(bus, lines)
 
-    def _wired(self, bus: I2cBus, line: Callable[[str], OutputLine], waiter: Waiter) -> BusServer:
+    def _wired(self, bus: I2cBus, waiter: Waiter) -> BusServer:
         switches = Switches(
             bus, frozenset(s.mux_address for s in self._driver.sensors if s.mux_address is not None)
         )
@@ -202,10 +208,10 @@ class I2cRangeSensor:
                 if isinstance(sensor, Vl53l0xConfig)
                 else Vl53l1x(here, sensor)
             )
-            switch = None if sensor.xshut is None else (ranger, line(sensor.xshut))
+            switch = None if sensor.xshut is None else (ranger, self._line(sensor.xshut))
             stations.append(self._station(sensor, ranger, switch))
         self.stations = tuple(stations)
-        reset = None if self._driver.mux_reset is None else line(self._driver.mux_reset)
+        reset = None if self._driver.mux_reset is None else self._line(self._driver.mux_reset)
         if reset is not None:
             reset.set(high=True)
 

@@ -32,6 +32,7 @@ _SIGNAL_LIMIT, _MSRC_CONTROL, _FINAL_TIMEOUT = 0x44, 0x60, 0x71
 _POLARITY, _ADDRESS, _PADS, _SOFT_RESET, _MODEL_ID = 0x84, 0x8A, 0x89, 0xBF, 0xC0
 _STOP_VARIABLE, _SPADS, _SPAD_MAP, _PAGE = 0x91, 0x92, 0xB0, 0xFF
 _STEPS = 0xE8  # dynamic SPAD selection, pre-range, final range
+_BOOT_S = 0.002  # 1.2 ms at most
 _REFERENCE_SPADS, _FIRST_APERTURE_SPAD = 48, 12
 
 # ST's default tuning: (register, value) in order; register FF selects the page.
@@ -130,9 +131,11 @@ class Vl53l0x:
     def begin(self) -> Iterator[float]:
         """Reset, tune, calibrate, range continuously. Raises I2cError, WrongChip."""
         r = self._registers
-        self.identify()
         if self._config.xshut is None:
+            yield from self._woken()
+            self.identify()
             yield from self._reset()
+        self.identify()
         r.write(_PADS, r.read(_PADS) | 0x01)  # 2.8 V on the lines, as all breakout boards have
         r.write(0x88, 0x00)
         with self._private():
@@ -154,12 +157,23 @@ class Vl53l0x:
             r.write(_STOP_VARIABLE, self._stop_variable)
         r.write(_START, 0x02)  # back to back
 
+    def _woken(self) -> Iterator[float]:
+        """Out of a start that was broken off: on another page, or held in reset.
+
+        To a chip with two-byte indices, the likeliest mistake, these writes say nothing.
+        """
+        r = self._registers
+        if tuple(r.read_block(_MODEL_ID, 2)) != MODEL:
+            r.write(_PAGE, 0x00)
+            r.write(_SOFT_RESET, 0x01)
+            yield _BOOT_S
+
     def _reset(self) -> Iterator[float]:
         r = self._registers
         r.write(_SOFT_RESET, 0x00)
-        yield 0.002
+        yield _BOOT_S
         r.write(_SOFT_RESET, 0x01)
-        yield 0.002
+        yield _BOOT_S
         yield from until(lambda: r.read(_MODEL_ID) == MODEL[0], "the boot of the VL53L0X")
 
     @contextmanager

@@ -30,6 +30,7 @@ _PHASE_HIGH, _BETWEEN, _WINDOW, _FIRST_PHASE = 0x69, 0x6C, 0x78, 0x7A
 _ROI_CENTRE, _ROI_SIZE, _CLEAR, _START = 0x7F, 0x80, 0x86, 0x87
 _RESULTS, _OSCILLATOR, _BOOTED, _MODEL_ID = 0x89, 0xDE, 0xE5, 0x010F
 _RANGING = 0x40
+_BOOT_S = 0.002  # 1.2 ms at most
 _OVERHEAD_MS = 4
 """The period must exceed the budget, or every second measurement is left out."""
 _OSCILLATOR_SCALE = 1.075
@@ -126,13 +127,16 @@ class Vl53l1x:
         """Reset, set up, calibrate, range continuously. Raises I2cError, WrongChip."""
         r = self._registers
         self._count = None
+        if r.read(_BOOTED) & 0x01 == 0:
+            r.write(_SOFT_RESET, 0x01)  # a start that was broken off may have left it in reset
+            yield _BOOT_S
         yield from until(lambda: r.read(_BOOTED) & 0x01 == 1, "the boot of the VL53L1X")
         self.identify()
         if self._config.xshut is None:
             r.write(_SOFT_RESET, 0x00)
-            yield 0.001
+            yield _BOOT_S
             r.write(_SOFT_RESET, 0x01)
-            yield 0.002
+            yield _BOOT_S
             yield from until(lambda: r.read(_BOOTED) & 0x01 == 1, "the boot of the VL53L1X")
         r.write(_SETTINGS, *_DEFAULTS)
         r.write(_START, _RANGING)

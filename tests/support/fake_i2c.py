@@ -28,6 +28,8 @@ class FakeBus:
         """While it returns True, the data line is held low."""
         self.nacks: dict[int, int] = {}
         """Address: how many of the next transfers nobody acknowledges."""
+        self.breaks_after: int | None = None
+        """After that many more transfers every one fails."""
         self.dead = False
         """Nobody acknowledges anything."""
         self.transfers = 0
@@ -61,6 +63,10 @@ class FakeBus:
             raise I2cError("the bus was closed")
         if self.holder is not None and self.holder():
             raise BusHeld("the data line is held low")
+        if self.breaks_after is not None:
+            self.breaks_after -= 1
+            if self.breaks_after < 0:
+                raise NotAcknowledged("broken off")
         if self.dead:
             raise NotAcknowledged("nobody answers any more")
         if self.nacks.get(address, 0) > 0:

@@ -78,6 +78,7 @@ class FakeVl53l0x(FakeTof):
 
     def __init__(self, clock: Clock, view: View, model: int = 0xEEAA) -> None:
         self.model = model
+        self.memory_fails = False
         self.pages: dict[int, bytearray] = {}
         super().__init__(clock, view)
 
@@ -136,7 +137,7 @@ class FakeVl53l0x(FakeTof):
         if self._single_s is not None and self._single_s <= now_s:
             self._single_s = None
             self.pages[0][0x13] |= 0x04
-        if self._strobe_s is not None and self._strobe_s <= now_s:
+        if self._strobe_s is not None and self._strobe_s <= now_s and not self.memory_fails:
             self._strobe_s = None
             self.pages[7][0x83], self.pages[7][0x92] = 0x10, self.SPADS_TOLD
 
