@@ -20,7 +20,7 @@ from hal.clock import SimClock
 from hal.frames import Vector3
 from hal.setpoints import Reply
 from hal.sim.autopilot import Autopilot
-from hal.sim.faults import with_beam_faults
+from hal.sim.faults import PositionFaults, with_beam_faults
 from hal.sim.scenario import Scenario
 from hal.sim.sensors import EstimatorError, SimulatedBeams, SimulatedGnss
 from hal.sim.vehicle import SimVehicle
@@ -77,6 +77,7 @@ class Simulation:
             scenario.faults,
             streams[2],
         )
+        self._position_faults = PositionFaults(scenario.faults, streams[2])
         self._gnss = SimulatedGnss(scenario.gnss, streams[3])
         self.guarded = GuardedPilot(config, route)
         self._replies: list[Reply] = []
@@ -87,6 +88,7 @@ class Simulation:
         """What the pilot may know now."""
         truth = self.vehicle.truth()
         now_s = self.clock.now_s()
+        local = self.vehicle.local_position()
         inputs = Inputs(
             now_s=now_s,
             ranges=self._beams.sample(
@@ -96,7 +98,7 @@ class Simulation:
                 truth.pitch_rad,
                 truth.yaw_rad,
             ),
-            local_position=self.vehicle.local_position(),
+            local_position=self._position_faults.pass_on(local) if local is not None else None,
             attitude=self.vehicle.attitude(),
             gnss=self._gnss.sample(now_s, truth.position_ned_m),
             status=self.vehicle.status(),

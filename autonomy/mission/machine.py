@@ -15,7 +15,7 @@ TRANSITIONS: dict[S, frozenset[S]] = {
     S.DETECT: frozenset({S.REPLAN, S.HOLD, S.LAND, S.YIELDED}),
     S.REPLAN: frozenset({S.CRUISE, S.FOLLOW, S.DETECT, S.HOLD, S.LAND, S.YIELDED}),
     S.FOLLOW: frozenset({S.STOP, S.DETECT, S.REPLAN, S.CRUISE, S.HOLD, S.LAND, S.YIELDED}),
-    S.HOLD: frozenset({S.DETECT, S.LAND, S.YIELDED}),
+    S.HOLD: frozenset({S.DETECT, S.CRUISE, S.FOLLOW, S.LAND, S.YIELDED}),
     S.LAND: frozenset({S.DONE, S.YIELDED}),
     S.YIELDED: frozenset({S.DONE}),
     S.DONE: frozenset(),

@@ -65,6 +65,9 @@ _CLEARANCE_LIMIT_M = 1.0
 _GOAL_MAY_MOVE = 0.6
 """By this much of the tolerance the planner may move a goal that a noisy hit has come too near."""
 _HOLD_BEFORE_LANDING_S = 3.0
+_BRIEF_HOLD_S = 1.0
+"""After a fault this short the flight goes on without a new look round: within one turn of the
+scan nothing that was seen has become old."""
 
 
 _STALL_S = 0.5
@@ -97,6 +100,7 @@ class Pilot:
         self._hold_at: Vector3 | None = None
         self._landing_ordered = False
         self._held = False
+        self._held_from = MissionState.PREFLIGHT
         self._failures = 0
         self._look_for_s = 0.0
         self._moved_from: tuple[float, Point] | None = None
@@ -453,6 +457,9 @@ class Pilot:
             return None
         if self._held or self._faults(tick):
             return None
+        flying = self._held_from in (MissionState.CRUISE, MissionState.FOLLOW)
+        if flying and self._elapsed_s(tick) < _BRIEF_HOLD_S:
+            return Move(self._held_from, "a moment's fault is over; what was seen is still true")
         return Move(MissionState.DETECT, "nothing forbids it any more; looking around to go on")
 
     def _land(self, tick: Tick) -> Move | None:
@@ -479,6 +486,8 @@ class Pilot:
         """Change state; the transition must be in the table."""
         if move.state not in TRANSITIONS[self._state]:
             raise AssertionError(f"{self._state} -> {move.state} is not in the mission's table")
+        if move.state is MissionState.HOLD:
+            self._held_from = self._state
         self._state = move.state
         self._entered_s = tick.now_s
         if move.outcome is not None:

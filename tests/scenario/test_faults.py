@@ -1,0 +1,182 @@
+"""Faults in the air, in process: each ends as the table says, and nothing is ever touched."""
+
+from collections.abc import Callable
+
+import pytest
+
+from autonomy.config import Config
+from autonomy.mission.guarded import Command
+from autonomy.model import Ending, MissionState, OperatorCommand
+from autonomy.simulation import SimulatedFlight, Simulation, goal_of, with_scenario
+from hal.frames import add
+from hal.sim.scenario import BeamFault, PositionFault, Scenario, load_scenario
+
+IN_CRUISE_S = 22.0
+"""Simulated time at which every flight of the default room is on its way."""
+
+OnTick = Callable[[Simulation, Command], None]
+
+
+def nothing(simulation: Simulation, command: Command) -> None:
+    """No intervention."""
+
+
+def fly(
+    *faults: BeamFault | PositionFault,
+    on_tick: OnTick = nothing,
+    config: Config | None = None,
+    scenario: str = "default",
+) -> SimulatedFlight:
+    world: Scenario = load_scenario(scenario).model_copy(update={"faults": faults})
+    full = with_scenario(config or Config(), world)
+    simulation = Simulation(world, full, (goal_of(world, full),))
+    flight = simulation.run(on_tick=on_tick, keep_commands=True)
+    assert not flight.collided
+    return flight
+
+
+def states(flight: SimulatedFlight) -> list[MissionState]:
+    """The states in order, each once while it lasts."""
+    order: list[MissionState] = []
+    for command in flight.commands:
+        if not order or order[-1] is not command.decision.state:
+            order.append(command.decision.state)
+    return order
+
+
+def after(flight: SimulatedFlight, state: MissionState) -> MissionState:
+    order = states(flight)
+    return order[order.index(state) + 1]
+
+
+def test_a_position_gone_for_a_moment_holds_and_goes_on_as_before() -> None:
+    gone = PositionFault(kind="position_silence", start_s=IN_CRUISE_S, duration_s=0.6)
+    flight = fly(gone, scenario="empty")
+    assert flight.outcome.ending is Ending.GOAL_REACHED, flight.outcome.why
+    assert after(flight, MissionState.HOLD) is MissionState.CRUISE
+
+
+def test_a_position_gone_for_good_lands() -> None:
+    flight = fly(PositionFault(kind="position_silence", start_s=IN_CRUISE_S))
+    assert flight.outcome.ending is Ending.FAILSAFE
+    assert "position" in flight.outcome.why
+    assert after(flight, MissionState.HOLD) is MissionState.LAND
+
+
+@pytest.mark.parametrize("beam", ["front", "left"])
+def test_a_beam_silent_for_a_while_holds_and_looks_round_before_it_goes_on(beam: str) -> None:
+    silent = BeamFault(kind="beam_silence", beam=beam, start_s=IN_CRUISE_S, duration_s=3.0)
+    flight = fly(silent)
+    assert flight.outcome.ending is Ending.GOAL_REACHED, flight.outcome.why
+    assert after(flight, MissionState.HOLD) is MissionState.DETECT
+
+
+@pytest.mark.parametrize("kind", ["beam_silence", "beam_dropout"])
+def test_a_beam_silent_for_good_lands_and_says_which(kind: str) -> None:
+    silent = BeamFault.model_validate({"kind": kind, "beam": "back", "start_s": IN_CRUISE_S})
+    flight = fly(silent)
+    assert flight.outcome.ending is Ending.FAILSAFE
+    assert "beam back" in flight.outcome.why
+
+
+def test_a_missing_beam_on_the_ground_never_arms() -> None:
+    flight = fly(BeamFault(kind="beam_silence", beam="left", start_s=0.0))
+    assert flight.outcome.ending is Ending.PREFLIGHT_REFUSED
+    assert "left" in flight.outcome.why
+    assert MissionState.ARM not in states(flight)
+
+
+def test_an_empty_battery_lands() -> None:
+    def drain(simulation: Simulation, command: Command) -> None:
+        if command.decision.now_s > IN_CRUISE_S:
+            simulation.vehicle.autopilot.battery_override = 0.1
+
+    flight = fly(on_tick=drain)
+    assert flight.outcome.ending is Ending.FAILSAFE
+    assert "battery" in flight.outcome.why
+
+
+def test_the_time_limit_lands() -> None:
+    flight = fly(config=Config.model_validate({"mission": {"time_limit_s": 20.0}}))
+    assert flight.outcome.ending is Ending.BUDGET
+
+
+@pytest.mark.parametrize("shift", [(0.6, -0.4, 0.0), (-1.5, 2.0, 0.1)])
+def test_a_jump_of_the_autopilots_frame_moves_no_goal_and_no_wall(
+    shift: tuple[float, float, float],
+) -> None:
+    jumped: list[float] = []
+    ends: list[tuple[float, float, float]] = []
+
+    def jump(simulation: Simulation, command: Command) -> None:
+        if command.decision.now_s > IN_CRUISE_S and not jumped:
+            jumped.append(command.decision.now_s)
+            simulation.vehicle.jump_estimate(shift)
+        ends.append(simulation.vehicle.truth().position_ned_m)
+
+    flight = fly(on_tick=jump)
+    assert jumped
+    assert flight.outcome.ending is Ending.GOAL_REACHED, flight.outcome.why
+    assert flight.final_error_m < 0.3
+    missed = add(ends[-1], (-4.0, -3.0, 0.0))
+    assert abs(missed[0]) < 0.3
+    assert abs(missed[1]) < 0.3
+
+
+def test_a_link_cut_in_flight_is_told_as_such() -> None:
+    def cut(simulation: Simulation, command: Command) -> None:
+        if command.decision.now_s > IN_CRUISE_S:
+            simulation.vehicle.cut_link()
+
+    flight = fly(on_tick=cut)
+    assert flight.outcome.ending is Ending.LINK_LOST
+
+
+def commanded(*commands: OperatorCommand, gap_s: float = 0.5) -> OnTick:
+    """Give the commands one after another, the first in cruise."""
+    left = list(commands)
+    due_s = [IN_CRUISE_S]
+
+    def give(simulation: Simulation, command: Command) -> None:
+        if left and command.decision.now_s > due_s[0]:
+            simulation.pending.append(left.pop(0))
+            due_s[0] += gap_s
+
+    return give
+
+
+def held_s(flight: SimulatedFlight) -> float:
+    return 0.05 * sum(c.decision.state is MissionState.HOLD for c in flight.commands)
+
+
+def test_an_operators_stop_holds_and_then_lands() -> None:
+    flight = fly(on_tick=commanded(OperatorCommand.STOP))
+    assert flight.outcome.ending is Ending.ABORTED
+    assert after(flight, MissionState.HOLD) is MissionState.LAND
+    assert held_s(flight) > 2.5
+
+
+def test_a_second_stop_lands_at_once() -> None:
+    flight = fly(on_tick=commanded(OperatorCommand.STOP, OperatorCommand.STOP))
+    assert flight.outcome.ending is Ending.ABORTED
+    assert held_s(flight) < 1.0
+
+
+def test_an_operators_land_lands_without_holding() -> None:
+    flight = fly(on_tick=commanded(OperatorCommand.LAND))
+    assert flight.outcome.ending is Ending.ABORTED
+    assert MissionState.HOLD not in states(flight)
+
+
+def test_an_operators_hold_lasts_until_resume_and_the_mission_goes_on() -> None:
+    flight = fly(on_tick=commanded(OperatorCommand.HOLD, OperatorCommand.RESUME, gap_s=5.0))
+    assert flight.outcome.ending is Ending.GOAL_REACHED, flight.outcome.why
+    assert held_s(flight) > 4.5
+
+
+def test_without_landing_the_mission_ends_in_px4s_hold() -> None:
+    config = Config.model_validate({"mission": {"land_at_end": False}})
+    flight = fly(config=config, scenario="empty")
+    assert flight.outcome.ending is Ending.GOAL_REACHED
+    assert flight.commands[-1].decision.fused is not None
+    assert flight.commands[-1].decision.fused.position_ned_m[2] < -0.8
