@@ -1,4 +1,4 @@
-"""A kernel that meets new argument types is compiled for seconds: on the ground, never in the air."""
+"""A kernel that meets new argument types is compiled for seconds: never while flying."""
 
 import subprocess
 import sys
