@@ -127,9 +127,7 @@ class LinuxI2cBus:
             fcntl.ioctl(descriptor, _I2C_RETRIES, 0)
         except OSError as error:
             self.close()
-            raise ConnectionFailed(
-                f"{self._path} is not an I2C bus ({error.strerror}); check drivers.bus"
-            ) from None
+            raise ConnectionFailed(opening_sentence(self._path, error)) from None
 
     def close(self) -> None:
         """Let go of the device. May be called twice."""
@@ -151,6 +149,8 @@ def opening_sentence(path: str, error: OSError) -> str:
     """Why `path` cannot be opened, and what to do."""
     if error.errno == errno.ENOENT:
         return f"{path} does not exist; enable I2C and load i2c-dev, see hal/ranging/README.md"
+    if error.errno == errno.ENOTTY:
+        return f"{path} is not an I2C bus; check the bus in beams.drivers"
     if error.errno in (errno.EACCES, errno.EPERM):
         return f"{path} may not be opened; add this user to the group i2c"
     return f"{path} cannot be opened ({error.strerror})"
