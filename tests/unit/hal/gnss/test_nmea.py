@@ -208,6 +208,5 @@ def test_any_content_of_a_checked_sentence_is_read_or_refused(kind: str, fields:
     for solution in epochs.take(parsed, 0.0) + epochs.end():
         assert isinstance(solution.fix_type, FixType)
         assert all(
-            isinstance(value, float)
-            for value in (*solution.place, solution.horizontal_accuracy_m)
+            isinstance(value, float) for value in (*solution.place, solution.horizontal_accuracy_m)
         )
