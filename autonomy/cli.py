@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from autonomy.errors import AutonomyError, ExitCode
+from autonomy.kernel_cache import ensure_place
 from autonomy.service import commands as service_commands
 from hal.errors import ConnectionFailed, HalError, LinkLost, PortInUse, WrongAutopilot
 
@@ -120,6 +121,7 @@ _EXISTING = click.Path(exists=True, dir_okay=False)
 @click.version_option(package_name="autonomy", message="%(prog)s %(version)s")
 def main() -> None:
     """Fly small PX4 drones indoors, among obstacles nobody told them about."""
+    ensure_place(os.environ)
 
 
 @main.command()
@@ -351,14 +353,23 @@ def schema() -> None:
 @click.option("--config", "config_path", type=_EXISTING, help="Configuration file (YAML).")
 @click.option("--connection", metavar="URL", help="Also look at the vehicle there.")
 @click.option("--log-dir", metavar="DIR", help="Where flight logs go.")
+@click.option("--live", is_flag=True, help="Show every range beam as a bar, until Ctrl-C.")
 @click.pass_context
 def check(
-    context: click.Context, *, config_path: str | None, connection: str | None, log_dir: str | None
+    context: click.Context,
+    *,
+    config_path: str | None,
+    connection: str | None,
+    log_dir: str | None,
+    live: bool,
 ) -> None:
     """Say what is wrong before flying: one sentence a finding, 0 when there is none."""
+    effective = _config(config_path)
+    if live:
+        _show_beams(effective, connection)
+        return
     from autonomy import doctor
 
-    effective = _config(config_path)
     findings = doctor.check_machine(effective, Path(log_dir or effective.log.directory))
     if connection is not None:
         findings = (*findings, *doctor.check_vehicle(effective, connection))
@@ -367,6 +378,65 @@ def check(
     bad = sum(not finding.good for finding in findings)
     click.echo(f"{bad} to mend" if bad else "ready")
     context.exit(int(ExitCode.PREFLIGHT_REFUSED if bad else ExitCode.GOAL_REACHED))
+
+
+def _show_beams(effective: "Config", connection: str | None) -> None:
+    from rich.live import Live
+
+    from autonomy import beam_watch
+
+    with Live(auto_refresh=False, vertical_overflow="visible") as screen:
+        beam_watch.watch(
+            effective,
+            connection,
+            math.inf,
+            lambda recent, now_s: screen.update(
+                "\n".join(beam_watch.bar_lines(effective.beams, recent, now_s)), refresh=True
+            ),
+        )
+
+
+@main.command()
+@click.argument("beam")
+@click.option(
+    "--distance",
+    type=float,
+    required=True,
+    callback=_positive,
+    help="Metres from the sensor's face to a flat surface.",
+)
+@click.option("--seconds", type=float, default=5.0, show_default=True, callback=_positive)
+@click.option("--connection", metavar="URL", help="The vehicle, for beams that come over its link.")
+@click.option("--config", "config_path", type=_EXISTING, help="Configuration file (YAML).")
+@click.option(
+    "--out", type=click.Path(dir_okay=False), help="Write the YAML there; must not exist yet."
+)
+def calibrate(
+    *,
+    beam: str,
+    distance: float,
+    seconds: float,
+    connection: str | None,
+    config_path: str | None,
+    out: str | None,
+) -> None:
+    """Measure offset and noise of BEAM against a surface at a known distance; print the YAML."""
+    from autonomy import beam_watch, calibration
+
+    effective = _config(config_path)
+    names = [mount.name for mount in effective.beams.mounts]
+    if beam not in names:
+        raise click.UsageError(f"there is no beam {beam}; there are {', '.join(names)}")
+    if out is not None and Path(out).exists():
+        raise click.UsageError(f"{out} exists already; give another name")
+    readings = beam_watch.watch(effective, connection, seconds)
+    result = calibration.calibrate(effective.beams, beam, distance, readings)
+    click.echo(calibration.described(result), err=True)
+    document = calibration.as_yaml(effective.beams, result)
+    if out is None:
+        click.echo(document, nl=False)
+    else:
+        Path(out).write_text(document, encoding="utf-8")
 
 
 @main.command()

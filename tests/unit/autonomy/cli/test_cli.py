@@ -20,6 +20,7 @@ from hal.errors import (
     PortInUse,
     WrongAutopilot,
 )
+from hal.readings import RangeReading, RangeStatus
 
 HEAVY = ("numba", "numpy", "scipy", "mavsdk", "pymavlink", "pydantic", "rich", "yaml", "asyncio")
 
@@ -236,3 +237,40 @@ def test_what_is_not_a_log_is_refused(tmp_path: Path) -> None:
         result = run(command, str(path))
         assert result.exit_code == ExitCode.BAD_INPUT
         assert "is not a flight log of this program" in result.stderr
+
+
+def test_calibrating_needs_a_beam_that_is_there_and_a_distance() -> None:
+    assert run("calibrate", "front").exit_code == ExitCode.USAGE
+    result = run("calibrate", "nose", "--distance", "0.5")
+    assert result.exit_code == ExitCode.USAGE
+    assert "there are front, right, back, left, up, down" in result.stderr
+    assert run("calibrate", "front", "--distance", "-1").exit_code == ExitCode.USAGE
+    result = run("calibrate", "front", "--distance", "0.5")
+    assert result.exit_code == ExitCode.BAD_INPUT
+    assert "--connection URL" in result.stderr
+
+
+def test_calibrating_prints_a_document_or_writes_a_new_file(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def watch(*_: object) -> list[RangeReading]:
+        return [
+            RangeReading(k / 25, "front", RangeStatus.VALID, 0.52, 1e-4, 0.02, 1.0)
+            for k in range(60)
+        ]
+
+    monkeypatch.setattr("autonomy.beam_watch.watch", watch)
+    printed = run("calibrate", "front", "--distance", "0.5")
+    assert printed.exit_code == 0
+    assert "{name: front, offset_m: 0.02, sigma_m: 0.001}" in printed.stdout
+    assert "reads +20.0 mm" in printed.stderr
+    path = tmp_path / "front.yaml"
+    assert run("calibrate", "front", "--distance", "0.5", "--out", str(path)).exit_code == 0
+    assert path.read_text() == printed.stdout
+    assert run("calibrate", "front", "--distance", "0.5", "--out", str(path)).exit_code == 2
+
+
+def test_live_bars_need_beams_to_look_at() -> None:
+    result = run("check", "--live")
+    assert result.exit_code == ExitCode.BAD_INPUT
+    assert "--connection URL" in result.stderr
