@@ -115,7 +115,7 @@ def fly(options: FlyOptions) -> FlightReport:
         if options.log and mission.config.log.enabled:
             recorder = stack.enter_context(flight_recorder(mission))
         progress.note("warming up the planner")
-        warm_up()
+        warm_up(progress.note)
         embedded: EmbeddedPx4 | None = None
         if options.scenario is not None:
             progress.note(f"starting the embedded PX4 in scenario {options.scenario}")

@@ -102,7 +102,7 @@ def serve(options: ServeOptions) -> int:
             lock.reachable_at(url_of(listening))
         notifier.status("compiling the planner: minutes the first time, then seconds")
         _LOG.info("compiling the planner: minutes the first time, then seconds")
-        warm_up()
+        warm_up(notifier.status)
         if options.scenario is not None:
             embedded = stack.enter_context(EmbeddedPx4(options.scenario, options.seed))
             connection = embedded.connection

@@ -1,10 +1,70 @@
 """Compile every numba kernel before anything is armed: nothing is ever compiled in the air."""
 
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+from numba.core import event
+from numba.core.dispatcher import Dispatcher
+
+from autonomy.kernel_cache import VARIABLE, is_temporary
 from autonomy.perception import kernels as perception
+from autonomy.t3drm import kernels as t3drm
 from autonomy.t3drm import planner
 
+_NOTE_EVERY_S = 5.0
 
-def warm_up() -> None:
-    """Compile, or load from numba's cache, what the flight calls. Seconds the first time."""
-    perception.warm_up()
-    planner.warm_up()
+
+def warm_up(note: Callable[[str], None] | None = None) -> None:
+    """Compile, or load from numba's cache, what the flight calls.
+
+    The first start on a machine compiles for half a minute and more, later ones load in a second.
+    `note` is told a sentence now and then while something is compiled, else nothing.
+    """
+    compiling = _Compiling(note if note is not None else lambda _: None)
+    with event.install_listener("numba:compile", compiling):
+        perception.warm_up()
+        planner.warm_up()
+    compiling.finish()
+
+
+class _Compiling(event.Listener):  # type: ignore[misc, unused-ignore]  # numba is untyped
+    """Hears what numba compiles; kernels that call others begin before and end after them."""
+
+    def __init__(self, note: Callable[[str], None]) -> None:
+        self._note = note
+        self._waiting = {
+            kernel.py_func
+            for module in (perception, t3drm)
+            for kernel in vars(module).values()
+            if isinstance(kernel, Dispatcher)
+        }
+        self._total = len(self._waiting)
+        self._began_s: float | None = None
+        self._next_s = 0.0
+
+    def on_start(self, _: Any) -> None:
+        """numba begins to compile a function; the first one is worth a sentence."""
+        if self._began_s is None:
+            self._began_s = time.monotonic()
+            self._next_s = self._began_s + _NOTE_EVERY_S
+            when = (
+                f"at every start: no folder for them may be written, name one in {VARIABLE}"
+                if is_temporary(os.environ)
+                else "at the first start only"
+            )
+            self._note(f"compiling {self._total} kernels, {when}")
+
+    def on_end(self, ended: Any) -> None:
+        """numba has compiled a function, one of ours or what it needs of its own."""
+        self._waiting.discard(ended.data["dispatcher"].py_func)
+        now_s = time.monotonic()
+        if now_s >= self._next_s:
+            self._next_s = now_s + _NOTE_EVERY_S
+            self._note(f"compiled {self._total - len(self._waiting)} of {self._total} kernels")
+
+    def finish(self) -> None:
+        """Say how long it took, when there was something to say."""
+        if self._began_s is not None:
+            self._note(f"kernels compiled in {time.monotonic() - self._began_s:.0f} s")
