@@ -1,4 +1,4 @@
-"""A start where nothing may be written still starts; what is compiled is kept wherever it can be."""
+"""A start where nothing may be written still starts; what is compiled is kept where it can be."""
 
 from pathlib import Path
 
