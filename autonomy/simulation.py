@@ -17,6 +17,7 @@ from autonomy.model import Inputs, MissionState, OperatorCommand, Outcome
 from autonomy.planning_time import PlanningTime
 from autonomy.t3drm.timing import TimingRecord
 from hal.clock import SimClock
+from hal.config import MavlinkDriver
 from hal.frames import Vector3
 from hal.setpoints import Reply
 from hal.sim.autopilot import Autopilot
@@ -213,9 +214,14 @@ class _Book:
 
 
 def with_scenario(config: Config, scenario: Scenario) -> Config:
-    """The configuration for flying in a scenario: its fence, its body."""
+    """The configuration for flying in a scenario: its fence, and beams that the simulated vehicle
+    has. The sensors of this computer, and their calibration, are those of another vehicle.
+    """
     guard = config.guard.model_copy(update={"fence": scenario.fence})
-    return config.model_copy(update={"guard": guard})
+    ideal = {"offset_m": 0.0, "sigma_m": 0.0}
+    mounts = tuple(mount.model_copy(update=ideal) for mount in config.beams.mounts)
+    beams = config.beams.model_copy(update={"mounts": mounts, "drivers": (MavlinkDriver(),)})
+    return config.model_copy(update={"guard": guard, "beams": beams})
 
 
 def goal_of(scenario: Scenario, config: Config) -> Vector3:

@@ -21,7 +21,7 @@ from hal.ranging.distance_sensor import MavlinkDistanceSensor
 from hal.sim.autopilot import Autopilot
 from hal.sim.scenario import load_scenario
 from hal.sim.vehicle import SimVehicle
-from tests.support import i2c_rig
+from tests.support import i2c_rig, readme_driver
 from tests.support.link import SpokenLink
 from tests.support.lockstep import LockstepTime
 
@@ -228,6 +228,7 @@ IN_PROCESS: dict[str, Callable[[], Rig]] = {
     "vl53l1x with xshut": lambda: BusRig(i2c_rig.with_xshut_lines),
     "gp2y0a21 on ads1115": lambda: BusRig(i2c_rig.on_converters),
     "mixed i2c": lambda: BusRig(i2c_rig.mixed),
+    "the README's example": lambda: BusRig(readme_driver.worked_example),
 }
 ON_A_BUS = tuple(name for name in IN_PROCESS if name not in ("simulated", "spoken"))
 OVER_THE_WIRE: dict[str, Callable[[EmbeddedPx4], Rig]] = {"mavsdk": MavsdkRig}
