@@ -57,6 +57,8 @@ class Station:
         self.refusals = 0
         """How often in a row another chip answered."""
         self.starting: Iterator[float] | None = None
+        self.addressing = False
+        """True while it is, or may be, at the power-up address of all."""
         self.due_s = 0.0
         self.retry_s = RETRY_FIRST_S
         self.in_a_row = 0
@@ -68,11 +70,13 @@ class Station:
         """From any state to measuring, with pauses; raises I2cError, WrongChip."""
         if self.switch is not None:
             ranger, line = self.switch
+            self.addressing = True
             line.set(high=False)
             yield _RESET_S
             line.set(high=True)
             yield _BOOT_S
             ranger.give_address()
+            self.addressing = False
         yield from self.ranger.begin()
 
     def hold(self) -> None:
@@ -108,7 +112,7 @@ class BusServer:
         for station in self._stations:
             if station.up and station.due_s <= self._clock.now_s():
                 self._attempt(station, self._poll)
-        self._start_one()
+        self._start_all()
         if self._held >= HELD_IN_A_ROW and self._clock.now_s() >= self._next_rescue_s:
             self._rescue()
         now_s = self._clock.now_s()
@@ -116,10 +120,13 @@ class BusServer:
         return min(max(min(waits, default=_IDLE_S), 0.0), _IDLE_S)
 
     def _counts(self, station: Station) -> bool:
-        return station.up or station.starting is not None or not self._somebody_starts()
+        """False for what waits until another has its address."""
+        if station.up or station.starting is not None or station.switch is None:
+            return True
+        return not self._somebody_is_addressed()
 
-    def _somebody_starts(self) -> bool:
-        return any(station.starting is not None for station in self._stations)
+    def _somebody_is_addressed(self) -> bool:
+        return any(station.addressing for station in self._stations)
 
     def end(self) -> None:
         """Stop all that can still be told to stop, and hold the others in reset."""
@@ -129,7 +136,7 @@ class BusServer:
                     station.ranger.end()
                 except I2cError as error:
                     station.trouble = str(error)
-            station.up, station.starting = False, None
+            station.up, station.starting, station.addressing = False, None, False
             self._hold(station)
 
     # ------------------------------------------------------------------ measuring
@@ -190,6 +197,7 @@ class BusServer:
 
     def _down(self, station: Station, why: str) -> None:
         station.up, station.starting, station.trouble = False, None, why
+        station.addressing = False
         station.in_a_row = 0
         station.due_s = self._clock.now_s() + station.retry_s
         station.retry_s = min(2.0 * station.retry_s, RETRY_LAST_S)
@@ -203,24 +211,21 @@ class BusServer:
 
     # ------------------------------------------------------------------ starting
 
-    def _start_one(self) -> None:
-        """Go on with the sensor that is being started, else begin with the next that is due.
+    def _start_all(self) -> None:
+        """Go on with what is being started, and begin with what is due.
 
-        One at a time: two of them would answer to the power-up address together.
+        Addresses are given one at a time: two sensors would listen together.
         """
-        now_s = self._clock.now_s()
         for station in self._stations:
-            if station.starting is not None:
-                if station.due_s <= now_s:
-                    self._attempt(station, self._go_on)
-                return
-        for station in self._stations:
-            if not station.up and station.due_s <= now_s:
+            if station.up or station.due_s > self._clock.now_s():
+                continue
+            if station.starting is None:
+                if station.switch is not None and self._somebody_is_addressed():
+                    continue
                 self._silence_the_lost(station)
                 station.starts += 1
                 station.starting = station.begin()
-                self._attempt(station, self._go_on)
-                return
+            self._attempt(station, self._go_on)
 
     def _silence_the_lost(self, starting: Station) -> None:
         """After a dip of the supply several sensors are back at the power-up address, and not all
@@ -229,7 +234,8 @@ class BusServer:
         if starting.switch is None:
             return
         for station in self._stations:
-            if station is starting or not station.up or station.switch is None:
+            awake = station.up or station.starting is not None
+            if station is starting or not awake or station.switch is None:
                 continue
             try:
                 station.switch[0].identify()
