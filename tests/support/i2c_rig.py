@@ -26,6 +26,7 @@ class Bench:
         self.tofs: dict[str, Tof] = {}
         self.adcs: dict[int, FakeAds1115] = {}
         self.mux = FakeMux()
+        self.mux_reset: str | None = None
         self.sensors: list[dict[str, Any]] = []
 
     def tof(self, beam: str, chip: str) -> Tof:
@@ -76,7 +77,9 @@ class Bench:
         return FakeLine(self.lines[name])
 
     def config(self) -> BeamsConfig:
-        driver = I2cDriver.model_validate({"driver": "i2c", "sensors": self.sensors})
+        driver = I2cDriver.model_validate(
+            {"driver": "i2c", "sensors": self.sensors, "mux_reset": self.mux_reset}
+        )
         mounts = tuple(m for m in six_beams() if m.name in {s["beam"] for s in self.sensors})
         return BeamsConfig(mounts=mounts, drivers=(driver,))
 

@@ -5,9 +5,11 @@ import pytest
 from autonomy.beam_watch import bar_lines, watch
 from autonomy.config import Config
 from autonomy.errors import BadInput
+from autonomy.simulation import with_scenario
 from hal.config import BeamMount, BeamsConfig
 from hal.errors import ConnectionFailed
 from hal.readings import RangeReading, RangeStatus
+from hal.sim.scenario import load_scenario
 
 
 def one(beam: str, status: RangeStatus, range_m: float, stamp_s: float = 9.95) -> RangeReading:
@@ -39,6 +41,19 @@ def test_every_beam_has_a_line_that_says_how_it_is() -> None:
 def test_beams_on_the_vehicles_link_need_a_vehicle() -> None:
     with pytest.raises(BadInput, match="--connection URL"):
         watch(Config(), None, 1.0)
+
+
+def test_a_simulated_vehicle_has_simulated_beams() -> None:
+    sensor = {"chip": "vl53l1x", "beam": "up"}
+    beams = BeamsConfig.model_validate(
+        {
+            "mounts": [{"name": "up", "pitch_deg": 90.0, "offset_m": 0.02, "sigma_m": 0.01}],
+            "drivers": [{"driver": "i2c", "sensors": [sensor]}],
+        }
+    )
+    flown = with_scenario(Config(beams=beams), load_scenario("default")).beams
+    assert [mount.name for mount in flown.over_mavlink()] == ["up"]
+    assert flown.mount("up") == BeamMount(name="up", pitch_deg=90.0)
 
 
 def test_beams_of_this_computer_need_none_and_a_missing_bus_is_told() -> None:

@@ -149,6 +149,43 @@ def test_a_bus_that_a_sensor_holds_low_is_freed_by_its_line() -> None:
     assert_all_measure(served)
 
 
+def test_a_bus_that_is_held_behind_a_multiplexer_is_freed_by_its_reset() -> None:
+    held = {"low": False}
+
+    def reset(high: bool) -> None:
+        if not high:
+            held["low"] = False
+
+    def wire(clock: SimClock) -> Bench:
+        bench = distinct(i2c_rig.behind_a_multiplexer)(clock)
+        bench.mux_reset, bench.lines["gpiochip0/4"] = "gpiochip0/4", reset
+        bench.bus.holder = lambda: held["low"]
+        return bench
+
+    served = Served(wire)
+    served.run(1.0)
+    held["low"] = True
+    served.run(1.5)
+    assert not held["low"]
+    assert_all_measure(served)
+
+
+def test_while_one_is_addressed_nobody_else_listens_at_the_power_up_address() -> None:
+    """Also when all were reset and the first is addressed before the others are missed."""
+    served = Served(distinct(i2c_rig.with_xshut_lines))
+    served.run(1.0)
+    for tof in served.bench.tofs.values():
+        tof.restart()
+    crowd = 0
+    end_s = served.clock.now_s() + 1.0
+    while served.clock.now_s() < end_s:
+        served.clock.advance(max(served.server.step(), 1e-4))
+        if any(station.addressing for station in served.sensor.stations):
+            crowd = max(crowd, sum(t.answers(0x29) for t in served.bench.tofs.values()))
+    assert crowd == 1
+    assert_all_measure(served)
+
+
 def test_a_held_bus_without_a_remedy_is_tried_again_now_and_then() -> None:
     served = Served(distinct(i2c_rig.behind_a_multiplexer))
     served.run(1.0)

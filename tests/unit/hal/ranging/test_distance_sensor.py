@@ -8,7 +8,7 @@ import pytest
 
 from hal.config import BeamMount, BeamsConfig
 from hal.errors import ReadingRefused
-from hal.ranging.distance_sensor import MavlinkDistanceSensor, orientation_of
+from hal.ranging.distance_sensor import DistanceMessage, MavlinkDistanceSensor, orientation_of
 from hal.readings import RangeReading, RangeStatus
 from tests.support.link import SpokenLink
 
@@ -201,3 +201,14 @@ async def test_a_closed_sensor_takes_nothing() -> None:
     await sensor.close()
     link.say("DISTANCE_SENSOR", 1.0, **fields(50))
     assert sensor.take() == ()
+
+
+def test_offset_and_noise_of_a_beam_are_taken_from_its_mount() -> None:
+    mount = BeamMount(name="front", offset_m=0.03, sigma_m=0.1)
+    config = BeamsConfig(mounts=(mount,))
+    message = DistanceMessage(0, 2, 100, 50, 0, 0, 255)
+    reading = message.reading(1.0, "front", config)
+    assert reading.range_m == pytest.approx(0.47)
+    assert reading.variance_m2 == pytest.approx(0.01)
+    near = DistanceMessage(0, 2, 100, 4, 0, 0, 255).reading(1.0, "front", config)
+    assert near.status is RangeStatus.TOO_NEAR
