@@ -64,7 +64,6 @@ class Station:
         self.in_a_row = 0
         self.faults = 0
         self.last_data_s = 0.0
-        self.last_stamp_s = float("-inf")
 
     def begin(self) -> Iterator[float]:
         """From any state to measuring, with pauses; raises I2cError, WrongChip."""
@@ -177,12 +176,9 @@ class BusServer:
             station.faults = 0
             self._down(station, f"the {station.ranger.kind} says that its laser fails")
             return
-        reading = measured.reading(now_s, station.mount, station.limits)
-        if reading.stamp_s > station.last_stamp_s:
-            station.last_stamp_s = reading.stamp_s
-            station.heard, station.trouble = True, ""
-            station.retry_s = RETRY_FIRST_S
-            self._give(reading)
+        self._give(measured.reading(now_s, station.mount, station.limits))
+        station.heard, station.trouble = True, ""
+        station.retry_s = RETRY_FIRST_S
 
     def _failed(self, station: Station, error: I2cError) -> None:
         """A few failed transfers are borne while it measures; a reset is not."""
