@@ -32,6 +32,8 @@ class FakeBus:
         """After that many more transfers every one fails."""
         self.dead = False
         """Nobody acknowledges anything."""
+        self.crowd = 0
+        """The most devices that ever answered to one transfer."""
         self.transfers = 0
         self.reopened = 0
         self.closed = False
@@ -75,6 +77,7 @@ class FakeBus:
         answering = [device for device in self.visible() if device.answers(address)]
         if not answering:
             raise NotAcknowledged(f"nobody at {address:#04x}")
+        self.crowd = max(self.crowd, len(answering))
         return answering
 
     def visible(self) -> list[Device]:
