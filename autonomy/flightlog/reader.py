@@ -221,6 +221,12 @@ def _difference(a: object, b: object, path: str) -> str | None:
             if found is not None:
                 return found
         return None if len(a) == len(b) else f"{path}: {len(a)} items != {len(b)} items"
+    if isinstance(a, dict) and isinstance(b, dict) and a.keys() == b.keys():
+        for key, left in a.items():
+            found = _difference(left, b[key], f"{path}[{key!r}]")
+            if found is not None:
+                return found
+        return None
     return None if _same(a, b) else f"{path}: {_shown(a)} != {_shown(b)}"
 
 

@@ -12,6 +12,7 @@ from autonomy.flightlog.reader import FlightLog, compare, replay
 from autonomy.flightlog.recorder import FlightRecorder
 from autonomy.flightlog.schema import FORMAT, METADATA, PROFILE, FlightHeader
 from autonomy.model import Command, Decision, Environment, Event, Inputs, MissionState, NoPlan
+from hal.readings import VehicleFacts
 from tests.unit.autonomy.flightlog.records import plain_inputs, plain_step
 
 
@@ -83,6 +84,15 @@ def test_a_number_that_is_none_is_the_same_as_itself() -> None:
     one = msgspec.structs.replace(DECISION, clearance_m=math.nan)
     two = msgspec.structs.replace(DECISION, clearance_m=-math.nan)
     assert compare(one, two) is None
+
+
+def test_parameters_are_compared_one_by_one_and_to_the_bit() -> None:
+    facts = VehicleFacts("PX4", "1.17.0", 1, {"MPC_XY_P": math.nan, "NAV_DLL_ACT": 0.0})
+    assert compare(facts, VehicleFacts("PX4", "1.17.0", 1, dict(facts.parameters))) is None
+    zero = VehicleFacts("PX4", "1.17.0", 1, {"MPC_XY_P": math.nan, "NAV_DLL_ACT": -0.0})
+    assert compare(facts, zero) == "parameters['NAV_DLL_ACT']: 0.0 != -0.0"
+    fewer = VehicleFacts("PX4", "1.17.0", 1, {"MPC_XY_P": math.nan})
+    assert compare(facts, fewer) is not None
 
 
 def test_a_log_without_ticks_cannot_be_replayed(tmp_path: Path) -> None:
