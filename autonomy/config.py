@@ -99,8 +99,6 @@ class ReplanConfig(Section):
     """stop: the paper's loop (stop, detect, replan, follow); rolling: replan in motion when the
     next stretch is already seen free."""
     min_interval_s: Positive = 0.2
-    hysteresis_m: NonNegative = 0.10
-    """A new plan replaces a valid one only when it is shorter by this much."""
     hover_s: Positive = 2.0
     """How long to look around at rest before trying again when there is no way."""
     forget_radius_m: Positive = 1.1
@@ -117,9 +115,9 @@ class PidGains(Section):
 
 
 class PositionGains(PidGains):
-    """Table 3, position: kp 0-100, ki 0-1, kd 0-10."""
+    """Table 3, position: kp 0-100, ki 0-1, kd 0-10; beside PX4's own position loop."""
 
-    kp: Annotated[float, Field(ge=0.0, le=100.0)] = 0.95
+    kp: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
     ki: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     kd: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
 
@@ -133,7 +131,7 @@ class AltitudeGains(PidGains):
 
 
 class VelocityGains(PidGains):
-    """Table 3, velocity: kp 0-10, ki 0-1, kd 0-10."""
+    """Table 3, velocity: kp 0-10, ki 0-1, kd 0-10; beside PX4's own velocity loop."""
 
     kp: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
     ki: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
@@ -195,7 +193,6 @@ class FailsafeConfig(Section):
     sensor_loss_land_s: Positive = 5.0
     """... and for this long: land."""
     state_loss_land_s: Positive = 2.0
-    position_jump_m: Positive = 0.5
 
 
 class ControlConfig(Section):

@@ -21,6 +21,7 @@ import numpy as np
 from autonomy.config import Config
 from autonomy.geometry import Point, distance
 from autonomy.guidance.follower import arrival_speed, carrot_direction, push_away
+from autonomy.guidance.outer_loops import OuterLoops
 from autonomy.guidance.path import FlownPath
 from autonomy.guidance.pid import Pid
 from autonomy.guidance.yaw_scan import YawScan
@@ -56,7 +57,7 @@ _STOP_LEAD_S = 0.1
 """Where to hold: the vehicle cannot stop at once, and is not asked to come back."""
 _PATH_SLACK_M = 0.015
 """A hit this much inside the keep-out radius is noise, not an obstacle in the way."""
-_HEIGHT_REACHED_M = 0.2
+_HEIGHT_REACHED_M = 0.15
 _CLIMB_TIMEOUT_S = 10.0
 _STUCK_AFTER_S = 6.0
 _STUCK_WITHIN_M = 0.05
@@ -65,6 +66,7 @@ _CLEARANCE_LIMIT_M = 1.0
 _GOAL_MAY_MOVE = 0.6
 """By this much of the tolerance the planner may move a goal that a noisy hit has come too near."""
 _HOLD_BEFORE_LANDING_S = 3.0
+_HANDOVER_TIMEOUT_S = 5.0
 _BRIEF_HOLD_S = 1.0
 """After a fault this short the flight goes on without a new look round: within one turn of the
 scan nothing that was seen has become old."""
@@ -86,6 +88,7 @@ class Pilot:
         self._sequence = Sequence(config)
         self._planner = Planner(config.planner, config.body.radius_m, config.guard.fence)
         self._scan = YawScan(math.radians(config.guidance.yaw_rate_deg_s))
+        self._loops = OuterLoops(config.guidance)
         self._climb = Pid(config.guidance.altitude, config.guard.climb_max_m_s)
         self._state = MissionState.PREFLIGHT
         self._entered_s: float | None = None
@@ -100,6 +103,8 @@ class Pilot:
         self._hold_at: Vector3 | None = None
         self._landing_ordered = False
         self._held = False
+        self._must_land = False
+        self._climbing = False
         self._held_from = MissionState.PREFLIGHT
         self._failures = 0
         self._look_for_s = 0.0
@@ -169,7 +174,8 @@ class Pilot:
     def _preflight(self, tick: Tick) -> Move | None:
         """PREFLIGHT: wait until nothing forbids arming."""
         silent = tuple(self._sensing.silent_beams(tick.now_s))
-        return self._sequence.preflight(tick, self._elapsed_s(tick), silent)
+        above_m = self._sensing.room_above_m()
+        return self._sequence.preflight(tick, self._elapsed_s(tick), silent, above_m)
 
     # ------------------------------------------------------------ Algorithm 2
 
@@ -208,13 +214,27 @@ class Pilot:
     def _detect(self, tick: Tick) -> Move | None:
         """DETECT: turn until every bearing was seen once more, at the height of the flight."""
         elapsed_s = self._elapsed_s(tick)
-        if abs(self._scan.turned_rad) < _SWEEP_RAD or elapsed_s < self._look_for_s:
+        if self._still_climbing(tick, elapsed_s):
             return None
-        climbing = abs(tick.fused.position_ned_m[2] - self.goal[2]) > _HEIGHT_REACHED_M
-        if climbing and elapsed_s < _CLIMB_TIMEOUT_S:
+        if abs(self._scan.turned_rad) < _SWEEP_RAD or elapsed_s < self._look_for_s:
             return None
         self._look_for_s = 0.0
         return Move(MissionState.REPLAN, "every direction was seen")
+
+    def _still_climbing(self, tick: Tick, elapsed_s: float) -> bool:
+        """True until the height of the flight is reached; the look round begins there.
+
+        What was seen on the way up or down was seen at another height, and is forgotten.
+        """
+        away_m = abs(tick.fused.position_ned_m[2] - self.goal[2])
+        if away_m > _HEIGHT_REACHED_M and elapsed_s < _CLIMB_TIMEOUT_S:
+            self._climbing = True
+            return True
+        if self._climbing:
+            self._climbing = False
+            self._sensing.settle_at_height(tick.fused.point)
+            self._scan.restart()
+        return False
 
     def _replan(self, tick: Tick) -> Move | None:
         """REPLAN: classify, choose sphere or hyperbola, take the cheapest free path."""
@@ -267,6 +287,11 @@ class Pilot:
         """Arrived: next goal of the route, or the end of the flight."""
         self._goal_index += 1
         if self._goal_index < len(self._route):
+            climb_m = abs(self.goal[2] - tick.fused.position_ned_m[2])
+            if climb_m > _HEIGHT_REACHED_M:
+                self._hold_at = None
+                why = f"goal {self._goal_index} reached; changing height in place"
+                return Move(MissionState.DETECT, why)
             return Move(MissionState.REPLAN, f"goal {self._goal_index} reached; going on")
         gap_m = distance(tick.fused.point, (self.goal[0], self.goal[1]))
         why = f"{gap_m:.2f} m from the goal"
@@ -325,9 +350,10 @@ class Pilot:
             self._config.beams.max_m,
         )
         speed_m_s = arrival_speed(self._path.remaining_m, tick.speed_limit_m_s)
-        north, east = push_away(
-            (direction[0] * speed_m_s, direction[1] * speed_m_s), nearest, guidance
+        wanted = self._loops.track(
+            (direction[0] * speed_m_s, direction[1] * speed_m_s), velocity, tick.dt_s
         )
+        north, east = push_away(wanted, nearest, guidance)
         climb_m_s = self._climb.step(self.goal[2], fused.position_ned_m[2], tick.dt_s)
         self._hold_at = None
         tick.setpoint = Setpoint(
@@ -359,7 +385,9 @@ class Pilot:
                 fused.position_ned_m[1] + velocity[1] * _STOP_LEAD_S,
                 self.goal[2],
             )
-        tick.setpoint = Setpoint(tick.now_s, self._hold_at, yaw_rad=yaw_rad)
+        target = (self._hold_at[0], self._hold_at[1])
+        added = self._loops.hold(target, fused.point, tick.dt_s)
+        tick.setpoint = Setpoint(tick.now_s, self._hold_at, (*added, 0.0), yaw_rad)
 
     def _stream_something(self, tick: Tick) -> None:
         """Every offboard tick has a setpoint; where no state gave one, it is to hold."""
@@ -437,7 +465,7 @@ class Pilot:
             self._status(tick),
             tick.fused,
             self._sensing.state_lost_s(tick.now_s),
-            self._sensing.silent_beams(tick.now_s),
+            self._sensing.silent_horizontal_beams(tick.now_s),
             mission_s,
         )
 
@@ -464,17 +492,24 @@ class Pilot:
 
     def _land(self, tick: Tick) -> Move | None:
         """LAND, or end in PX4's Hold when the mission says so and the goal was reached."""
-        stay_up = (
-            not self._config.mission.land_at_end
-            and self._outcome is not None
-            and self._outcome.ending is Ending.GOAL_REACHED
-        )
-        if not stay_up:
+        if not self._stays_up(tick):
             return self._sequence.land(tick, self._elapsed_s(tick))
         if tick.inputs.status.mode is FlightMode.HOLD:
             return Move(MissionState.DONE, "holding at the goal in PX4's Hold mode")
         self._sequence.ask_hold(tick)
         return None
+
+    def _stays_up(self, tick: Tick) -> bool:
+        """True while the mission is to end in PX4's Hold, and nothing is in the way of that."""
+        reached = self._outcome is not None and self._outcome.ending is Ending.GOAL_REACHED
+        if self._config.mission.land_at_end or not reached or self._must_land:
+            return False
+        if tick.inputs.commands or self._faults(tick):
+            self._must_land = True
+        elif self._elapsed_s(tick) > _HANDOVER_TIMEOUT_S:
+            self._must_land = True
+            tick.say("land", "PX4 did not take the vehicle into Hold; landing instead")
+        return not self._must_land
 
     # ------------------------------------------------------------ bookkeeping
 

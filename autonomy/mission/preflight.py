@@ -12,6 +12,9 @@ from hal.readings import LandedState, VehicleFacts, VehicleStatus
 # PX4's COM_OBL_RC_ACT: what it does when the offboard stream ends and no RC is there. The default
 # (0) is a return that climbs first: measured +4.3 m, fatal under a ceiling.
 _LAND, _HOLD = 4, 5
+# NAV_DLL_ACT: disabled, Hold, Land. Return climbs, and the others cut the motors.
+_LINK_ACTIONS = (0, 1, 3)
+_GAIN_TOLERANCE_PER_S = 0.1
 
 _GOAL_FENCE_MARGIN_M = 0.05
 
@@ -45,7 +48,9 @@ def check_route(config: Config, route: tuple[Vector3, ...]) -> None:
             )
 
 
-def parameter_findings(parameters: dict[str, float]) -> tuple[str, ...]:
+def parameter_findings(
+    parameters: dict[str, float], position_gain_per_s: float = 0.95
+) -> tuple[str, ...]:
     """What in PX4's parameters would make a flight of this service dangerous."""
     findings = []
     action = parameters.get("COM_OBL_RC_ACT")
@@ -64,6 +69,18 @@ def parameter_findings(parameters: dict[str, float]) -> tuple[str, ...]:
         findings.append(
             f"COM_OF_LOSS_T is {timeout_s:g} s: PX4 would fly on blindly for that long; set it to 1"
         )
+    link_action = parameters.get("NAV_DLL_ACT")
+    if link_action is not None and int(link_action) not in _LINK_ACTIONS:
+        findings.append(
+            f"NAV_DLL_ACT is {int(link_action)}: this program is PX4's ground station, and when it "
+            "dies PX4 would not just stop (2 climbs and returns); set it to 0, 1 (Hold) or 3 (Land)"
+        )
+    gain = parameters.get("MPC_XY_P")
+    if gain is not None and abs(gain - position_gain_per_s) > _GAIN_TOLERANCE_PER_S:
+        findings.append(
+            f"MPC_XY_P is {gain:g}, but guard.position_gain_per_s is {position_gain_per_s:g}: the "
+            "guard would limit another speed than PX4 flies; make them equal"
+        )
     return tuple(findings)
 
 
@@ -73,11 +90,15 @@ def findings(
     status: VehicleStatus,
     fused: FusedState,
     silent_beams: tuple[str, ...],
+    room_above_m: float | None = None,
 ) -> tuple[str, ...]:
-    """Everything that forbids arming now; empty when the vehicle is ready."""
+    """Everything that forbids arming now; empty when the vehicle is ready.
+
+    `room_above_m`: what the beam that looks up measures from the ground, None for nothing in range.
+    """
     found: list[str] = []
     if facts is not None:
-        found.extend(parameter_findings(facts.parameters))
+        found.extend(parameter_findings(facts.parameters, config.guard.position_gain_per_s))
     if status.link_age_s > config.vehicle.link_timeout_s:
         found.append(f"the vehicle has been silent for {status.link_age_s:.1f} s; check the link")
     if status.landed not in (LandedState.ON_GROUND, LandedState.UNKNOWN):
@@ -99,5 +120,11 @@ def findings(
     if silent_beams:
         found.append(
             f"no reading from the range beams {', '.join(silent_beams)}; check sensors and wiring"
+        )
+    needed_m = config.mission.altitude_m + config.guard.beam_stop_m
+    if room_above_m is not None and room_above_m < needed_m:
+        found.append(
+            f"something is {room_above_m:.2f} m above the vehicle, {needed_m:.2f} m are needed; "
+            "take off elsewhere or lower mission.altitude_m (--altitude)"
         )
     return tuple(found)

@@ -9,11 +9,14 @@ import msgspec
 
 from autonomy.config import Config
 from autonomy.estimation.fusion import Fusion
+from autonomy.geometry import Point
 from autonomy.model import FusedState, Inputs
 from autonomy.perception.obstacle_map import ObstacleMap
 from autonomy.perception.projection import Projector
 from hal.frames import ZERO3, Vector3, add, subtract
 from hal.readings import RangeReading, RangeStatus
+
+_UPWARDS_DEG = 60.0
 
 
 class Sensing:
@@ -43,7 +46,7 @@ class Sensing:
             self._first_s = inputs.now_s
         for reading in inputs.ranges:
             self.newest[reading.beam] = reading
-            if reading.status is not RangeStatus.NO_SIGNAL:
+            if reading.status not in (RangeStatus.NO_SIGNAL, RangeStatus.SUSPECT):
                 self._measured_s[reading.beam] = reading.stamp_s
         local = self._fusion.step(
             inputs.now_s, inputs.local_position, inputs.attitude, inputs.gnss, inputs.ranges
@@ -71,16 +74,32 @@ class Sensing:
         return 0.0 if since is None else now_s - since
 
     def silent_beams(self, now_s: float) -> dict[str, float]:
-        """Age of the last measurement of each horizontal beam that is stale."""
+        """Age of the last measurement of each beam, horizontal or not, that is stale."""
         start_s = self._first_s if self._first_s is not None else now_s
-        ages = {
-            mount.name: now_s - self._measured_s.get(mount.name, start_s)
-            for mount in self._config.beams.mounts
-            if mount.horizontal
-        }
+        names = [mount.name for mount in self._config.beams.mounts]
+        ages = {name: now_s - self._measured_s.get(name, start_s) for name in names}
         limit_s = self._config.beams.stale_after_s
         return {
             name: age_s
             for name, age_s in ages.items()
             if age_s > limit_s or name not in self._measured_s
         }
+
+    def silent_horizontal_beams(self, now_s: float) -> dict[str, float]:
+        """`silent_beams` of those that map the plane of flight."""
+        silent = self.silent_beams(now_s)
+        horizontal = [mount.name for mount in self._config.beams.mounts if mount.horizontal]
+        return {name: silent[name] for name in horizontal if name in silent}
+
+    def room_above_m(self) -> float | None:
+        """What the beam that looks up measured last; None when it saw nothing."""
+        for mount in self._config.beams.mounts:
+            reading = self.newest.get(mount.name)
+            if mount.pitch_deg > _UPWARDS_DEG and reading is not None:
+                seen = reading.status in (RangeStatus.VALID, RangeStatus.TOO_NEAR)
+                return reading.range_m - mount.down_m if seen else None
+        return None
+
+    def settle_at_height(self, point: Point) -> None:
+        """What was seen at another height says nothing about this one: forget it."""
+        self.map.forget_all(point, self._config.map.start_disc_m)

@@ -56,7 +56,13 @@ class Sequence:
         self._offboard_from_s = _STREAM_BEFORE_OFFBOARD_S
         self._seen: set[FlightMode] = set()
 
-    def preflight(self, tick: Tick, elapsed_s: float, silent: tuple[str, ...]) -> Move | None:
+    def preflight(
+        self,
+        tick: Tick,
+        elapsed_s: float,
+        silent: tuple[str, ...],
+        room_above_m: float | None = None,
+    ) -> Move | None:
         """Wait until nothing forbids arming, or refuse when the time is up.
 
         After a landing PX4 shows the mode that was flown before, Offboard, and does not arm in it.
@@ -64,7 +70,12 @@ class Sequence:
         if tick.inputs.status.mode is FlightMode.OFFBOARD and not tick.inputs.status.armed:
             self._ask_once(tick, RequestKind.HOLD)
         found = preflight.findings(
-            self._config, tick.inputs.facts, tick.inputs.status, tick.fused, silent
+            self._config,
+            tick.inputs.facts,
+            tick.inputs.status,
+            tick.fused,
+            silent,
+            room_above_m,
         )
         if not found:
             return Move(MissionState.ARM, "every check on the ground passed")
@@ -124,20 +135,20 @@ class Sequence:
         """Ask for Land until PX4 lands, disarms on the ground, then the mission is done."""
         status = tick.inputs.status
         if status.link_age_s > _SILENCE_ENDS_LANDING_S:
-            return Move(
-                MissionState.DONE,
-                f"the vehicle has been silent for {status.link_age_s:.0f} s; "
-                "PX4's own failsafe has it now",
+            why = (
+                f"the vehicle has been silent for {status.link_age_s:.0f} s while landing; "
+                "PX4's own failsafe has it now"
             )
+            return Move(MissionState.DONE, why, Outcome(Ending.LINK_LOST, why))
         on_ground = status.landed in (LandedState.ON_GROUND, LandedState.UNKNOWN)
         if not status.armed and on_ground and elapsed_s >= _SETTLE_S:
             return Move(MissionState.DONE, "landed and disarmed")
         if elapsed_s > self._config.mission.land_timeout_s:
-            return Move(
-                MissionState.DONE,
-                f"the vehicle did not report landed and disarmed within "
-                f"{self._config.mission.land_timeout_s:g} s; take it over by hand",
+            why = (
+                "the vehicle did not report landed and disarmed within "
+                f"{self._config.mission.land_timeout_s:g} s; take it over by hand"
             )
+            return Move(MissionState.DONE, why, Outcome(Ending.FAILSAFE, why))
         if status.landed is not LandedState.ON_GROUND:
             self._on_ground_since_s = math.inf
         elif self._on_ground_since_s == math.inf:

@@ -9,6 +9,7 @@ from autonomy.mission.guarded import Command
 from autonomy.model import Ending, MissionState, OperatorCommand
 from autonomy.simulation import SimulatedFlight, Simulation, goal_of, with_scenario
 from hal.frames import add
+from hal.setpoints import Reply, Request, RequestKind
 from hal.sim.scenario import BeamFault, PositionFault, Scenario, load_scenario
 
 IN_CRUISE_S = 22.0
@@ -174,9 +175,62 @@ def test_an_operators_hold_lasts_until_resume_and_the_mission_goes_on() -> None:
     assert held_s(flight) > 4.5
 
 
+NO_LANDING = Config.model_validate({"mission": {"land_at_end": False}})
+
+
+class RefusesHold:
+    """Stands before a simulated vehicle and refuses Hold."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._execute = simulation.vehicle.execute_now
+        self._now_s = simulation.clock.now_s
+
+    def __call__(self, request: Request) -> Reply:
+        if request.kind is RequestKind.HOLD:
+            return Reply(self._now_s(), request.kind, False, "not now")
+        return self._execute(request)
+
+
+def test_a_hold_at_the_end_that_px4_refuses_becomes_a_landing() -> None:
+    world = load_scenario("empty")
+    full = with_scenario(NO_LANDING, world)
+    simulation = Simulation(world, full, (goal_of(world, full),))
+    simulation.vehicle.execute_now = RefusesHold(simulation)  # type: ignore[method-assign]
+    flight = simulation.run()
+    assert flight.outcome.ending is Ending.GOAL_REACHED
+    assert simulation.vehicle.truth().on_ground
+    assert not simulation.vehicle.truth().armed
+
+
+def test_a_link_cut_while_landing_is_not_called_a_success() -> None:
+    def cut(simulation: Simulation, command: Command) -> None:
+        if command.decision.state is MissionState.LAND:
+            simulation.vehicle.cut_link()
+
+    flight = fly(on_tick=cut, scenario="empty")
+    assert flight.outcome.ending is Ending.LINK_LOST
+
+
+def test_a_route_changes_its_height_in_place_and_looks_round_again_there() -> None:
+    world = load_scenario("empty")
+    full = with_scenario(Config(), world)
+    flight = Simulation(world, full, ((2.0, 0.0, -1.0), (0.5, 0.5, -1.7)), 1).run(
+        keep_commands=True
+    )
+    assert flight.outcome.ending is Ending.GOAL_REACHED, flight.outcome.why
+    second = [c.decision for c in flight.commands if c.decision.events]
+    climb_s = next(d.now_s for d in second if "changing height" in d.events[-1].why)
+    moving = [
+        c.decision
+        for c in flight.commands
+        if c.decision.now_s > climb_s and c.decision.state is MissionState.CRUISE
+    ]
+    assert moving[0].fused is not None
+    assert abs(moving[0].fused.position_ned_m[2] + 1.7) < 0.25
+
+
 def test_without_landing_the_mission_ends_in_px4s_hold() -> None:
-    config = Config.model_validate({"mission": {"land_at_end": False}})
-    flight = fly(config=config, scenario="empty")
+    flight = fly(config=NO_LANDING, scenario="empty")
     assert flight.outcome.ending is Ending.GOAL_REACHED
     assert flight.commands[-1].decision.fused is not None
     assert flight.commands[-1].decision.fused.position_ned_m[2] < -0.8

@@ -68,6 +68,27 @@ def test_an_unknown_or_slow_offboard_failsafe_is_found() -> None:
     assert "COM_OF_LOSS_T" in only(slow)
 
 
+@pytest.mark.parametrize("action", [2.0, 5.0, 6.0])
+def test_px4_must_not_climb_when_its_ground_station_is_gone(action: float) -> None:
+    parameters = {"COM_OBL_RC_ACT": 5.0, "NAV_DLL_ACT": action}
+    assert "NAV_DLL_ACT" in only(parameter_findings(parameters))
+    for good in (0.0, 1.0, 3.0):
+        assert parameter_findings({**parameters, "NAV_DLL_ACT": good}) == ()
+
+
+def test_the_guards_gain_must_be_px4s() -> None:
+    parameters = {"COM_OBL_RC_ACT": 5.0, "MPC_XY_P": 2.0}
+    assert "position_gain_per_s" in only(parameter_findings(parameters, 0.95))
+    assert parameter_findings({**parameters, "MPC_XY_P": 1.0}, 0.95) == ()
+
+
+def test_there_must_be_room_above_for_the_take_off() -> None:
+    needed_m = CONFIG.mission.altitude_m + CONFIG.guard.beam_stop_m
+    low = findings(CONFIG, FACTS, STATUS, FUSED, (), needed_m - 0.01)
+    assert "above the vehicle" in only(low)
+    assert findings(CONFIG, FACTS, STATUS, FUSED, (), needed_m) == ()
+
+
 def test_a_goal_in_the_room_is_accepted() -> None:
     check_route(CONFIG, ((4.0, 3.0, -1.0), (0.0, 0.0, -0.5)))
 

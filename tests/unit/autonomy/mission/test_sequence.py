@@ -104,6 +104,18 @@ def test_a_vehicle_that_fell_silent_is_px4s() -> None:
     assert move is not None
     assert move.state is MissionState.DONE
     assert "failsafe" in move.why
+    assert move.outcome is not None
+    assert move.outcome.ending is Ending.LINK_LOST, "exit code 0 is for vehicles on the ground"
+
+
+def test_a_landing_that_does_not_end_is_no_success() -> None:
+    stuck = changed(GROUND, armed=True, landed=LandedState.LANDING, mode=FlightMode.LAND)
+    limit_s = Config().mission.land_timeout_s
+    assert Sequence(Config()).land(tick(stuck, limit_s), limit_s) is None
+    move = Sequence(Config()).land(tick(stuck, limit_s + 0.1), limit_s + 0.1)
+    assert move is not None
+    assert move.outcome is not None
+    assert move.outcome.ending is Ending.FAILSAFE
 
 
 def test_landed_and_disarmed_ends_the_mission_after_a_moment() -> None:
