@@ -1,9 +1,11 @@
 """The last check before the wire: no setpoint may ask for more than the vehicle can stop from.
 
 The guard knows nothing of missions or plans. It sees where the vehicle is, what its beams read and
-what was seen to be free, and makes a setpoint slower, shorter or a hold; it never adds motion of
-its own, and it never turns a setpoint into another direction except by taking a forbidden
-component away.
+what was seen to be free, and makes a setpoint slower, shorter or a hold; it never turns a setpoint
+into another direction except by taking a forbidden component away. It adds motion of its own in
+two cases only: back to where a hold began, and up or down to the height at which a surface below
+or above is `beam_stop_m` away again. There "stay here" would give way to every error of the
+estimate, and always towards the surface.
 
 What PX4 will fly is the *effective velocity* `v = velocity + position_gain * (position - where the
 vehicle is)`, so that is what is limited: velocity and position offset are scaled together.
@@ -57,6 +59,8 @@ ESCAPE_SPEED_M_S = 0.06
 """How fast the vehicle may leave a place that is too near to a hit."""
 ESCAPE_COSINE = 0.4
 """An escape leads away from the nearest hit within about 66 degrees."""
+RETREAT_M_S = 0.1
+"""How fast the guard leaves a ceiling or a table that is too near, at most."""
 ESCAPE_STEPS_M = (0.025, 0.05, 0.075, 0.1)
 """An escape must reach open space within one of these distances."""
 HOLD_REACH_M = 0.3
@@ -229,13 +233,22 @@ class Guard:
     def _hold_everything(self, setpoint: Setpoint, sight: Sight, reason: str) -> GuardVerdict:
         """Position and heading as they are, zero velocity; the same object if it says so already.
 
-        The stamp is fresh: this setpoint was made now, by the guard.
+        The stamp is fresh: this setpoint was made now, by the guard. While the position is known
+        the hold keeps its distance from a surface above and below, too.
         """
-        anchor = self._hold_at(sight, self._surroundings(sight).near)
+        around = self._surroundings(sight)
+        anchor = self._hold_at(sight, around.near)
+        limits = [reason]
+        if reason == SETPOINT_STALE:
+            back = subtract(anchor, sight.position_ned_m)
+            altitude = -sight.position_ned_m[2]
+            offset, _ = self._vertical(back, (0.0, 0.0, 0.0), altitude, around, limits)
+            if offset[2] != back[2]:
+                anchor = (anchor[0], anchor[1], sight.position_ned_m[2] + offset[2])
         hold = Setpoint(sight.now_s, anchor, yaw_rad=sight.yaw_rad)
         if hold == setpoint:
             hold = setpoint
-        return GuardVerdict(hold, (reason,), 0.0, 0.0)
+        return GuardVerdict(hold, tuple(limits), 0.0, 0.0)
 
     def _hold_at(self, sight: Sight, near: tuple[tuple[float, float], ...]) -> Vector3:
         """Where the present hold began; it begins now if there is none, or none worth keeping."""
@@ -294,7 +307,7 @@ class Guard:
         around: _Surroundings,
         limits: list[str],
     ) -> tuple[Vector3, Vector3]:
-        """Climb rate, altitude band, ceiling and ground; down is scaled, never reversed."""
+        """Climb rate, altitude band, ceiling and ground: scaled, or a retreat from a surface."""
         config = self._config
         lowest = min(config.altitude_min_m, altitude)
         highest = max(config.altitude_max_m, altitude)
@@ -302,36 +315,61 @@ class Guard:
         if not lowest - _ROUNDING <= altitude + rise <= highest + _ROUNDING:
             limits.append(ALTITUDE)
             rise = min(highest, max(lowest, altitude + rise)) - altitude
-            offset = (offset[0], offset[1], -rise)
-        effective = -velocity[2] + HEIGHT_GAIN_PER_S * rise
-        wanted = max(abs(effective), abs(velocity[2]))
-        allowed, reason = self._vertical_speed(altitude, around, up=effective > 0.0)
-        if abs(velocity[2]) <= config.climb_max_m_s and abs(effective) <= allowed + _ROUNDING:
+        climb = -velocity[2]
+        wanted = max(abs(climb + HEIGHT_GAIN_PER_S * rise), abs(climb))
+        reason = None
+        if wanted > config.climb_max_m_s + _ROUNDING:
+            reason = CLIMB
+            rise *= config.climb_max_m_s / wanted
+            climb *= config.climb_max_m_s / wanted
+        effective = climb + HEIGHT_GAIN_PER_S * rise
+        slowest, fastest = self._climb_range(altitude, around)
+        allowed, limit = fastest if effective > fastest[0] else slowest
+        if effective > fastest[0] + _ROUNDING or effective < slowest[0] - _ROUNDING:
+            reason = limit
+            if allowed * effective >= 0.0 and abs(allowed) < abs(effective):
+                rise, climb = rise * allowed / effective, climb * allowed / effective
+            else:
+                rise, climb = allowed / HEIGHT_GAIN_PER_S, 0.0
+        if reason is not None and reason not in limits:
+            limits.append(reason)
+        if reason is None and rise == -offset[2]:
             return offset, velocity
-        if abs(effective) <= allowed:
-            reason, factor = CLIMB, config.climb_max_m_s / wanted
-        else:
-            factor = min(allowed / abs(effective), config.climb_max_m_s / wanted)
-        limits.append(reason)
-        return (
-            (offset[0], offset[1], offset[2] * factor),
-            (velocity[0], velocity[1], velocity[2] * factor),
-        )
+        return self._leashed_at(offset, rise), (velocity[0], velocity[1], -climb)
 
-    def _vertical_speed(
-        self, altitude_m: float, around: _Surroundings, *, up: bool
-    ) -> tuple[float, str]:
-        """How fast the vehicle may rise (or sink), and what limits it."""
+    def _climb_range(
+        self, altitude_m: float, around: _Surroundings
+    ) -> tuple[tuple[float, str], tuple[float, str]]:
+        """((least, its limit), (greatest, its limit)) velocity up that PX4 may fly.
+
+        Both are beyond zero on the same side when a surface is too near: the way back to the
+        height at which it is `beam_stop_m` away. Between two such surfaces that height is the
+        middle.
+        """
         config = self._config
-        room_m = config.altitude_max_m - altitude_m if up else altitude_m - config.altitude_min_m
-        allowed, reason = config.climb_max_m_s, CLIMB
-        if HEIGHT_GAIN_PER_S * room_m < allowed:
-            allowed, reason = max(0.0, HEIGHT_GAIN_PER_S * room_m), ALTITUDE
-        surface_m = around.ceiling_m if up else around.ground_m
-        if HEIGHT_GAIN_PER_S * (surface_m - self._beam_stop_m) < allowed:
-            allowed = max(0.0, HEIGHT_GAIN_PER_S * (surface_m - self._beam_stop_m))
-            reason = CEILING if up else GROUND
-        return allowed, reason
+        above_m = max(0.0, config.altitude_max_m - altitude_m)
+        below_m = max(0.0, altitude_m - config.altitude_min_m)
+        up_m, down_m = around.ceiling_m - self._beam_stop_m, around.ground_m - self._beam_stop_m
+        if below_m == 0.0:
+            # Below the band it may stand on the floor: no reason to take off.
+            down_m = max(0.0, down_m)
+        if up_m < 0.0 and down_m < 0.0:
+            up_m = (up_m - down_m) / 2.0
+            down_m = -up_m
+        up_m, down_m = max(up_m, -max(0.0, down_m)), max(down_m, -max(0.0, up_m))
+        up_limit = CEILING if up_m < above_m else ALTITUDE
+        down_limit = GROUND if down_m < below_m else ALTITUDE
+        retreat_m_s = min(RETREAT_M_S, config.climb_max_m_s, HEIGHT_GAIN_PER_S * config.leash_m)
+        fastest = max(-retreat_m_s, HEIGHT_GAIN_PER_S * max(-below_m, min(up_m, above_m)))
+        slowest = max(-retreat_m_s, HEIGHT_GAIN_PER_S * max(-above_m, min(down_m, below_m)))
+        return (-slowest, down_limit), (fastest, up_limit)
+
+    def _leashed_at(self, offset: Vector3, rise_m: float) -> Vector3:
+        """`offset` with another height, shortened horizontally where the leash asks for it."""
+        level_m = math.hypot(offset[0], offset[1])
+        room_m = math.sqrt(max(0.0, self._config.leash_m**2 - rise_m * rise_m))
+        factor = room_m / level_m if level_m > room_m * (1.0 + _ROUNDING) else 1.0
+        return (offset[0] * factor, offset[1] * factor, -rise_m)
 
     # ------------------------------------------------------------ raw beams (4)
 
@@ -343,15 +381,24 @@ class Guard:
         return known
 
     def _surroundings(self, sight: Sight) -> _Surroundings:
-        """What the beams say, measured from the vehicle's centre."""
+        """What the beams say, measured from the vehicle's centre.
+
+        A doubted reading counts where it says "near": above and below it ends the approach, but
+        is no reason to move.
+        """
         bearings: list[tuple[float, float]] = []
         ceiling_m = ground_m = math.inf
         for seen in sight.beams:
             reading, beam = seen.reading, self._beam(seen.mount)
             status = reading.status
-            if status is not RangeStatus.VALID and status is not RangeStatus.TOO_NEAR:
+            if status is RangeStatus.NO_SIGNAL or status is RangeStatus.OUT_OF_RANGE:
                 continue
             distance_m = reading.range_m * beam.projection + beam.face_m
+            if status is RangeStatus.SUSPECT:
+                if distance_m >= self._beam_stop_m:
+                    continue
+                if beam.rise:
+                    distance_m = self._beam_stop_m
             if beam.rise > 0:
                 ceiling_m = min(ceiling_m, distance_m)
             elif beam.rise < 0:

@@ -478,11 +478,12 @@ def test_no_approach_along_a_near_beam_but_motion_beside_it(
         (0.186, RangeStatus.VALID, False),
         (0.02, RangeStatus.TOO_NEAR, True),
         (0.0, RangeStatus.NO_SIGNAL, False),
-        (0.1, RangeStatus.SUSPECT, False),
+        (0.184, RangeStatus.SUSPECT, True),
+        (0.186, RangeStatus.SUSPECT, False),
         (1.0, RangeStatus.OUT_OF_RANGE, False),
     ],
 )
-def test_only_what_was_measured_near_stops(
+def test_what_was_measured_near_stops_even_when_it_is_doubted(
     range_m: float, status: RangeStatus, *, stops: bool
 ) -> None:
     seen = sight(beams=(beam("front", range_m, status),))
@@ -695,7 +696,8 @@ def test_a_vertical_limit_leaves_the_horizontal_flight_alone() -> None:
     ("name", "sign", "reason"), [("up", 1.0, g.CEILING), ("down", -1.0, g.GROUND)]
 )
 @pytest.mark.parametrize(
-    ("range_m", "allowed"), [(0.1, 0.0), (0.185, 0.0), (0.285, 0.1), (0.5, 0.2)]
+    ("range_m", "allowed"),
+    [(0.02, -g.RETREAT_M_S), (0.155, -0.03), (0.185, 0.0), (0.285, 0.1), (0.5, 0.2)],
 )
 def test_no_climb_into_a_ceiling_and_no_descent_onto_a_table(
     range_m: float, allowed: float, name: str, sign: float, reason: str
@@ -706,6 +708,75 @@ def test_no_climb_into_a_ceiling_and_no_descent_onto_a_table(
     assert verdict.limits == (() if allowed == 0.2 else (reason,))
     away = setpoint(velocity=(0.0, 0.0, 0.2 * sign))
     assert Guard(CONFIG).check(away, seen).setpoint is away
+
+
+@pytest.mark.parametrize(("name", "sign"), [("up", 1.0), ("down", -1.0)])
+def test_a_surface_that_is_too_near_is_left_even_when_no_motion_was_asked_for(
+    name: str, sign: float
+) -> None:
+    seen = sight(beams=(beam(name, 0.135),))
+    verdict = Guard(CONFIG).check(setpoint(), seen)
+    assert is_hold_at(verdict, (0.0, 0.0, -1.0 + 0.05 * sign))
+
+
+def test_between_a_ceiling_and_a_table_the_middle_is_held() -> None:
+    seen = sight(beams=(beam("up", 0.1), beam("down", 0.14)))
+    verdict = Guard(CONFIG).check(setpoint((0.0, 0.0, -1.3)), seen)
+    assert is_hold_at(verdict, (0.0, 0.0, -0.98))
+
+
+def test_a_retreat_ends_where_the_surface_on_the_other_side_is_near() -> None:
+    seen = sight(beams=(beam("up", 0.125), beam("down", 0.205)))
+    assert is_hold_at(Guard(CONFIG).check(setpoint(), seen), (0.0, 0.0, -0.98))
+
+
+@pytest.mark.parametrize(
+    ("name", "altitude_m", "held_m"),
+    [("up", 0.32, 0.30), ("up", 0.25, 0.25), ("down", 1.99, 2.0), ("down", 0.05, 0.05)],
+)
+def test_a_retreat_stays_in_the_band_and_does_not_lift_off_the_floor(
+    name: str, altitude_m: float, held_m: float
+) -> None:
+    place = (0.0, 0.0, -altitude_m)
+    verdict = Guard(CONFIG).check(setpoint(place), sight(place, beams=(beam(name, 0.1),)))
+    assert is_hold_at(verdict, (0.0, 0.0, -held_m))
+
+
+@pytest.mark.parametrize(("name", "sign"), [("up", 1.0), ("down", -1.0)])
+def test_a_doubted_surface_is_not_approached_and_not_fled(name: str, sign: float) -> None:
+    seen = sight(beams=(beam(name, 0.1, RangeStatus.SUSPECT),))
+    towards = Guard(CONFIG).check(setpoint(velocity=(0.0, 0.0, -0.2 * sign)), seen)
+    assert climb(towards, seen) == 0.0
+    assert Guard(CONFIG).check(setpoint(), seen).limits == ()
+
+
+def test_a_retreat_keeps_the_leash() -> None:
+    seen = sight(beams=(beam("up", 0.02),))
+    asked = setpoint((0.6, 0.0, -1.0), (-0.4, 0.0, 0.0))
+    verdict = Guard(GuardConfig(speed_max_m_s=0.6)).check(asked, seen)
+    assert climb(verdict, seen) == pytest.approx(-g.RETREAT_M_S)
+    assert math.hypot(*verdict.setpoint.position_ned_m[:2], 0.1) == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize("error_m", [0.03, -0.03])
+@pytest.mark.parametrize("start_m", [0.6, 0.2, 0.1, 0.02])
+@pytest.mark.parametrize("above", [True, False])
+def test_a_wandering_estimate_does_not_ratchet_the_vehicle_into_a_surface(
+    start_m: float, error_m: float, *, above: bool
+) -> None:
+    """A goal behind the surface; the true gap ends at the limit, whatever the estimate does."""
+    guard, sign = Guard(CONFIG), 1.0 if above else -1.0
+    gap_m = start_m
+    for tick in range(600):
+        wandered_m = error_m * math.sin(tick / 40.0) + error_m * (-1.0) ** tick / 3.0
+        height_m = 1.0 + sign * (0.6 - gap_m) + wandered_m
+        here: Vector3 = (0.0, 0.0, -height_m)
+        seen = sight(here, beams=(beam("up" if above else "down", gap_m),))
+        verdict = guard.check(setpoint((0.0, 0.0, -(1.0 + sign * 0.5))), seen)
+        before_m = gap_m
+        gap_m -= sign * climb(verdict, seen) * 0.05
+        assert gap_m >= min(before_m, CONFIG.beam_stop_m) - 1e-9
+    assert gap_m == pytest.approx(CONFIG.beam_stop_m, abs=0.005)
 
 
 def test_a_vertical_beam_mounted_off_centre_counts_from_the_centre() -> None:
@@ -909,6 +980,35 @@ def test_the_vertical_limits_always_hold(situation: tuple[Setpoint, Sight]) -> N
     assert math.hypot(*offset) <= SQUARE.leash_m + 1e-9
 
 
+def surface_m(seen: Sight, name: str) -> float:
+    """The nearest surface that a vertical beam is sure of."""
+    sure = (RangeStatus.VALID, RangeStatus.TOO_NEAR)
+    ranges = [b.reading.range_m for b in seen.beams if b.mount.name == name]
+    statuses = [b.reading.status for b in seen.beams if b.mount.name == name]
+    return min((r for r, s in zip(ranges, statuses, strict=True) if s in sure), default=math.inf)
+
+
+@settings(deadline=None, max_examples=300)
+@given(situations())
+def test_a_surface_is_approached_to_the_limit_only_and_left_within_it(
+    situation: tuple[Setpoint, Sight],
+) -> None:
+    asked, seen = situation
+    verdict = Guard(SQUARE).check(asked, seen)
+    up = climb(verdict, seen)
+    altitude_m = -seen.position_ned_m[2]
+    above_m = surface_m(seen, "up") - SQUARE.beam_stop_m
+    below_m = surface_m(seen, "down") - SQUARE.beam_stop_m
+    lower_m = altitude_m - SQUARE.altitude_min_m
+    higher_m = SQUARE.altitude_max_m - altitude_m
+    if above_m >= 0.0 and below_m >= 0.0:
+        assert -below_m - 1e-8 <= up <= above_m + 1e-8
+    elif above_m < 0.0 and below_m > 0.0 and lower_m > 0.0:
+        assert up <= -min(-above_m, below_m, lower_m, g.RETREAT_M_S) + 1e-8
+    elif below_m < 0.0 and above_m > 0.0 and lower_m > 0.0 and higher_m > 0.0:
+        assert up >= min(-below_m, above_m, higher_m, g.RETREAT_M_S) - 1e-8
+
+
 @settings(deadline=None, max_examples=200)
 @given(situations())
 def test_no_component_leads_towards_a_near_beam(situation: tuple[Setpoint, Sight]) -> None:
@@ -918,7 +1018,7 @@ def test_no_component_leads_towards_a_near_beam(situation: tuple[Setpoint, Sight
         reading = entry.reading
         if (
             entry.mount.horizontal
-            and reading.status in (RangeStatus.VALID, RangeStatus.TOO_NEAR)
+            and reading.status not in (RangeStatus.NO_SIGNAL, RangeStatus.OUT_OF_RANGE)
             and reading.range_m < SQUARE.beam_stop_m
         ):
             bearing = seen.yaw_rad + math.radians(entry.mount.yaw_deg)
