@@ -15,7 +15,14 @@ import click
 from autonomy.errors import AutonomyError, ExitCode
 from autonomy.kernel_cache import ensure_place
 from autonomy.service import commands as service_commands
-from hal.errors import ConnectionFailed, HalError, LinkLost, PortInUse, WrongAutopilot
+from hal.errors import (
+    ConnectionFailed,
+    HalError,
+    LinkLost,
+    PortInUse,
+    SensorSilent,
+    WrongAutopilot,
+)
 
 if TYPE_CHECKING:
     from autonomy.config import Config
@@ -24,6 +31,7 @@ Goal = tuple[float, float, float | None]
 
 _HAL_EXIT_CODES: dict[type[HalError], ExitCode] = {
     ConnectionFailed: ExitCode.NO_VEHICLE,
+    SensorSilent: ExitCode.PREFLIGHT_REFUSED,
     WrongAutopilot: ExitCode.WRONG_AUTOPILOT,
     LinkLost: ExitCode.LINK_LOST,
     PortInUse: ExitCode.BAD_INPUT,

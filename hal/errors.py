@@ -20,6 +20,10 @@ class ConnectionFailed(HalError):
     """No vehicle answered on the connection within the time limit; nothing was commanded."""
 
 
+class SensorSilent(ConnectionFailed):
+    """The vehicle is there, a sensor that is needed is not; nothing was commanded."""
+
+
 class WrongAutopilot(HalError):
     """A vehicle answered, but it is not one that this project can fly (not PX4)."""
 

@@ -6,7 +6,7 @@ from collections import deque
 import msgspec
 
 from hal.config import BeamMount, BeamsConfig
-from hal.errors import ConnectionFailed, ReadingRefused
+from hal.errors import ReadingRefused, SensorSilent
 from hal.interfaces import MessageSource, WireMessage
 from hal.readings import RangeReading, RangeStatus
 
@@ -132,7 +132,7 @@ class MavlinkDistanceSensor:
     async def open(self, deadline_s: float) -> None:
         """Listen; returns with the first reading of any beam.
 
-        Raises ConnectionFailed when none comes within `deadline_s`. Cancelling closes it.
+        Raises SensorSilent when none comes within `deadline_s`. Cancelling closes it.
         """
         self._open = True
         self._heard.clear()
@@ -145,7 +145,7 @@ class MavlinkDistanceSensor:
                     await asyncio.sleep(_POLL_S)
         except TimeoutError:
             self._open = False
-            raise ConnectionFailed(
+            raise SensorSilent(
                 f"no beam of {', '.join(self._beams.values())} was heard as DISTANCE_SENSOR "
                 f"within {deadline_s:g} s; check the sensors' drivers and the link's stream rates"
             ) from None
