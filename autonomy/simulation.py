@@ -22,7 +22,7 @@ from hal.frames import Vector3
 from hal.setpoints import Reply
 from hal.sim.autopilot import Autopilot
 from hal.sim.faults import PositionFaults, with_beam_faults
-from hal.sim.scenario import Scenario
+from hal.sim.scenario import Scenario, VehicleSimulation
 from hal.sim.sensors import EstimatorError, SimulatedBeams, SimulatedGnss
 from hal.sim.vehicle import SimVehicle
 from hal.sim.world import World
@@ -131,7 +131,7 @@ class Simulation:
         """Fly until the pilot says DONE; raises TimeoutError after `limit_s` simulated seconds."""
         started = time.perf_counter()
         self.vehicle.advance(_BOOT_S)
-        book = _Book(self._scenario.vehicle.body_radius_m)
+        book = _Book(self._scenario.vehicle)
         while True:
             before = time.perf_counter()
             command = self.tick()
@@ -149,8 +149,8 @@ class Simulation:
 class _Book:
     """Adds up a flight as it happens."""
 
-    def __init__(self, body_radius_m: float) -> None:
-        self._body_radius_m = body_radius_m
+    def __init__(self, body: VehicleSimulation) -> None:
+        self._body = body
         self._airborne_from_s: float | None = None
         self._navigating: list[float] = []
         self._clearance_m = float("inf")
@@ -179,7 +179,9 @@ class _Book:
         self.track.append(point)
         clearance_m = simulation.world.clearance_m(truth.position_ned_m)
         self._clearance_m = min(self._clearance_m, clearance_m)
-        self._collided |= simulation.world.collides(truth.position_ned_m, self._body_radius_m)
+        self._collided |= simulation.world.collides(
+            truth.position_ned_m, self._body.body_radius_m, self._body.body_half_height_m
+        )
         velocity = truth.velocity_ned_m_s
         self._max_speed_m_s = max(self._max_speed_m_s, (velocity[0] ** 2 + velocity[1] ** 2) ** 0.5)
         if decision.state not in (MissionState.TAKEOFF, MissionState.LAND, MissionState.DONE):

@@ -154,11 +154,15 @@ def cast_bundles(
 
 
 @njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
-def clearance(world: FloatArray, north: float, east: float, down: float) -> float:
-    """Signed horizontal distance to the nearest obstacle that is there at that height."""
+def clearance(
+    world: FloatArray, north: float, east: float, down: float, half_height: float
+) -> float:
+    """Signed horizontal distance to the nearest obstacle that reaches within `half_height` of
+    that height.
+    """
     nearest = math.inf
     for i in range(world.shape[0]):
-        if not (world[i, 7] <= -down <= world[i, 8]):
+        if -down + half_height < world[i, 7] or -down - half_height > world[i, 8]:
             continue
         offset_n, offset_e = north - world[i, 1], east - world[i, 2]
         if world[i, 0] == DISC:
@@ -179,4 +183,4 @@ def warm_up() -> None:
     cast_ray(world, math.inf, 1.0, 1.0, -1.0, 1.0, 0.0, 0.0)
     faces, rays = np.zeros((1, 3)), np.zeros((1, 1, 3))
     cast_bundles(world, math.inf, 1.0, 1.0, -1.0, 0.0, 0.0, 0.0, faces, rays, out)
-    clearance(world, 1.0, 1.0, -1.0)
+    clearance(world, 1.0, 1.0, -1.0, 0.0)

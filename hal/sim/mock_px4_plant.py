@@ -107,14 +107,14 @@ def truth_record(plant: Plant) -> TruthRecord:
     truth, autopilot = plant.truth(), plant.autopilot
     world = plant.world.at(truth.stamp_s)
     clearance_m = world.clearance_m(truth.position_ned_m)
-    radius_m = plant.scenario.vehicle.body_radius_m
+    body = plant.scenario.vehicle
     return TruthRecord(
         t=round(truth.stamp_s, 6),
         position_ned_m=truth.position_ned_m,
         velocity_ned_m_s=truth.velocity_ned_m_s,
         yaw_rad=truth.yaw_rad,
         clearance_m=clearance_m if math.isfinite(clearance_m) else None,
-        collided=world.collides(truth.position_ned_m, radius_m),
+        collided=world.collides(truth.position_ned_m, body.body_radius_m, body.body_half_height_m),
         in_air=not truth.on_ground,
         armed=truth.armed,
         landed=autopilot.landed.landed_state.value,

@@ -25,6 +25,9 @@ from hal.config import (
 from hal.errors import DocumentError
 from hal.frames import Vector3
 
+BODY_HALF_HEIGHT_M = 0.08
+"""From the centre of a small quadrotor to its skids, or to the top of its canopy."""
+
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
@@ -197,6 +200,7 @@ class VehicleSimulation(Section):
     drag_per_mass_s: NonNegative = 0.2
     """Deceleration per speed, 1/s: 0.2 is a small real quadrotor, PX4's SIH has 1.0."""
     body_radius_m: Positive = 0.15
+    body_half_height_m: NonNegative = BODY_HALF_HEIGHT_M
     parameters: dict[str, Finite] = Field(default_factory=lambda: {"COM_OBL_RC_ACT": 5.0})
 
 

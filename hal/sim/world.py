@@ -7,7 +7,7 @@ import numpy as np
 from hal.frames import Vector3, norm
 from hal.sim import kernels
 from hal.sim.kernels import FloatArray
-from hal.sim.scenario import Box, Disc, Scenario, Wall
+from hal.sim.scenario import BODY_HALF_HEIGHT_M, Box, Disc, Scenario, Wall
 
 
 class RayBundles:
@@ -105,15 +105,22 @@ class World:
         """Horizontal distance from a point to the nearest surface of the obstacles that are there
         at its height: negative inside one, inf when there is none.
         """
-        return kernels.clearance(self._rows, *position_ned_m)
+        return kernels.clearance(self._rows, *position_ned_m, 0.0)
 
-    def collides(self, position_ned_m: Vector3, body_radius_m: float) -> bool:
-        """True when a level disc of `body_radius_m` about the point touches an obstacle, or the
-        point is at the ceiling. The floor is not a collision: vehicles stand on it.
+    def collides(
+        self,
+        position_ned_m: Vector3,
+        body_radius_m: float,
+        body_half_height_m: float = BODY_HALF_HEIGHT_M,
+    ) -> bool:
+        """True when a level body touches an obstacle, from the side, above or below, or the
+        ceiling: a cylinder of `body_radius_m` from `body_half_height_m` below the point to as much
+        above it. The floor is not a collision: vehicles stand on it.
         """
-        if -position_ned_m[2] >= self._ceiling_m:
+        if -position_ned_m[2] + body_half_height_m >= self._ceiling_m:
             return True
-        return self.clearance_m(position_ned_m) <= body_radius_m
+        nearest_m = kernels.clearance(self._rows, *position_ned_m, body_half_height_m)
+        return bool(nearest_m <= body_radius_m)
 
 
 def _row(obstacle: Disc | Box | Wall) -> tuple[float, ...]:

@@ -26,4 +26,19 @@ def test_the_vehicle_stays_off_a_low_ceiling(ceiling_m: float, seed: int) -> Non
     simulation = Simulation(scenario, config, (goal_of(scenario, config),), seed)
     flight = simulation.run(on_tick=note, limit_s=120.0)
     assert flight.outcome.ending is Ending.GOAL_REACHED, flight.outcome.why
+    assert not flight.collided
     assert min(gaps_m) > 0.15
+
+
+def test_a_scenarios_own_body_height_decides_what_a_collision_is() -> None:
+    scenario = Scenario.model_validate(
+        {
+            "name": "tall",
+            "ceiling_m": 1.3,
+            "goal_ne_m": (1.0, 0.0),
+            "fence": {"polygon_ne_m": [(-1.0, -2.0), (-1.0, 2.0), (4.0, 2.0), (4.0, -2.0)]},
+            "vehicle": {"body_half_height_m": 0.5},
+        }
+    )
+    config = with_scenario(Config(), scenario)
+    assert Simulation(scenario, config, (goal_of(scenario, config),)).run().collided

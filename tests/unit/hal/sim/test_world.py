@@ -123,11 +123,34 @@ def test_a_body_collides_when_its_rim_touches() -> None:
     assert not room.collides((1.349, 0.0, -1.0), 0.15)
 
 
-def test_the_ceiling_is_a_collision_and_the_floor_is_not() -> None:
+def test_the_ceiling_is_a_collision_for_the_top_of_the_body_and_the_floor_is_none() -> None:
     room = world(ceiling_m=2.5)
-    assert room.collides((0.0, 0.0, -2.5), 0.15)
-    assert not room.collides((0.0, 0.0, -2.49), 0.15)
+    assert room.collides((0.0, 0.0, -2.421), 0.15)
+    assert not room.collides((0.0, 0.0, -2.419), 0.15)
+    assert room.collides((0.0, 0.0, -2.371), 0.15, 0.13)
+    assert not room.collides((0.0, 0.0, -2.421), 0.15, 0.0)
     assert not room.collides((0.0, 0.0, 0.0), 0.15)
+
+
+@pytest.mark.parametrize(
+    ("height_m", "touches"), [(0.59, True), (0.679, True), (0.681, False), (1.4, False)]
+)
+def test_skimming_over_a_crate_is_a_collision(height_m: float, *, touches: bool) -> None:
+    room = world(CRATE)
+    assert room.collides((2.0, 0.0, -height_m), 0.15) == touches
+    # The rim alone over its edge, and just beside it.
+    assert room.collides((1.351, 0.0, -height_m), 0.15) == touches
+    assert not room.collides((1.349, 0.0, -height_m), 0.15)
+
+
+@pytest.mark.parametrize(("height_m", "touches"), [(1.419, False), (1.421, True), (1.6, True)])
+def test_the_underside_of_a_lamp_is_a_collision(height_m: float, *, touches: bool) -> None:
+    lamp = Disc(centre_ne_m=(2.0, 0.0), radius_m=0.5, base_m=1.5)
+    assert world(lamp).collides((2.0, 0.0, -height_m), 0.15) == touches
+
+
+def test_clearance_is_measured_at_the_height_of_the_centre() -> None:
+    assert world(CRATE).clearance_m((1.0, 0.0, -0.61)) == math.inf
 
 
 def test_a_world_in_which_nothing_moves_is_itself_at_every_time() -> None:
