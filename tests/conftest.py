@@ -5,6 +5,7 @@ import functools
 import inspect
 import os
 import signal
+import tempfile
 import threading
 from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
@@ -15,12 +16,18 @@ THREAD_GRACE_S = 2.0
 _TERMINAL = ("NO_COLOR", "FORCE_COLOR", "COLUMNS", "LINES", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
 
 
-def pytest_configure() -> None:
+def pytest_configure(config: pytest.Config) -> None:
     """Tests, and the programs that they start, see one terminal and one Ctrl-C on every machine.
 
     A shell without job control starts what runs in the background with SIGINT ignored, and
-    children inherit that.
+    children inherit that. What is left in the temporary folder goes with the run; pytest's own
+    `tmp_path` stays where it was, to be looked at.
     """
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", tempfile.gettempdir())
+        folder = tempfile.TemporaryDirectory(prefix="autonomy-tests-", ignore_cleanup_errors=True)
+        config.add_cleanup(folder.cleanup)
+        os.environ["TMPDIR"] = tempfile.tempdir = folder.name
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     os.environ["TERM"] = "xterm-256color"
