@@ -37,7 +37,7 @@ from hal.sim.scenario import Scenario, load_scenario
 Address = tuple[str, int]
 
 TICK_S = 0.01
-_SLIP_AFTER_S = 0.1
+_SLIP_AFTER_S = 0.5  # a shorter stall is caught up: a real autopilot's clock does not lose it
 _FORGET_PEER_S = 15.0
 _MOST_PEERS = 8
 _TEXT_LIFE_S = 5.0

@@ -202,41 +202,49 @@ class BootClock:
 
     What is received is never early, so the least of (reception - boot time) over the last one to
     two seconds is the offset with the least waiting in it: jitter of the link and of this process
-    goes, its shortest delay stays. Forgetting follows a clock that runs at another rate (a
-    simulated autopilot loses up to 20 ms/s). A clock that goes back was restarted.
+    goes, its shortest delay stays. Forgetting follows a clock that runs at another rate: a
+    simulated autopilot loses up to 20 ms/s, and by no more than that may the offset rise. What
+    rises faster is a link that became slow: its messages are old, and stay so until the clock
+    could really have lost as much. A clock that goes back was restarted.
     """
 
     WINDOW_S = 1.0
+    DRIFT_S_PER_S = 0.02
     _BACKWARDS_S = 1.0
-    _FARTHEST_S = 0.5
 
     def __init__(self) -> None:
         self._boot_s = -math.inf
         self._window_ends_s = -math.inf
         self._least_s = math.inf
         self._least_before_s = math.inf
+        self._ceiling_s = math.inf
+        self._noted_s = -math.inf
         self.restarts = 0
 
     def note(self, received_s: float, boot_s: float) -> float:
         """Learn from one message of the autopilot; returns its stamp."""
         if boot_s < self._boot_s - self._BACKWARDS_S:
-            self._least_s = self._least_before_s = math.inf
+            self._least_s = self._least_before_s = self._ceiling_s = math.inf
             self._boot_s = boot_s
             self.restarts += 1
         self._boot_s = max(self._boot_s, boot_s)
+        offset_s = received_s - boot_s
         if received_s >= self._window_ends_s:
             self._window_ends_s = received_s + self.WINDOW_S
             self._least_before_s, self._least_s = self._least_s, math.inf
-        self._least_s = min(self._least_s, received_s - boot_s)
+        self._least_s = min(self._least_s, offset_s)
+        if self._ceiling_s < math.inf:
+            self._ceiling_s += self.DRIFT_S_PER_S * max(0.0, received_s - self._noted_s)
+        self._ceiling_s = min(self._ceiling_s, offset_s)
+        self._noted_s = received_s
         return self.stamp_s(received_s, boot_s)
 
     def stamp_s(self, received_s: float, boot_s: float) -> float:
-        """When `boot_s` was: never after `received_s`, which it is when nothing better is known."""
-        offset_s = min(self._least_s, self._least_before_s)
-        stamp_s = boot_s + offset_s
-        if not received_s - self._FARTHEST_S <= stamp_s <= received_s:
-            return received_s
-        return stamp_s
+        """When `boot_s` was, however long ago: never after `received_s`, which it is before
+        anything was heard.
+        """
+        offset_s = min(self._least_s, self._least_before_s, self._ceiling_s)
+        return min(received_s, boot_s + offset_s)
 
 
 class RecentTexts:

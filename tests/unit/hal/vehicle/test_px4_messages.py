@@ -209,3 +209,54 @@ def test_a_reordered_message_is_not_a_restart() -> None:
 
 def test_before_anything_was_heard_a_stamp_is_the_reception() -> None:
     assert BootClock().stamp_s(7.0, 3.0) == 7.0
+
+
+def learned(seconds: int = 5) -> tuple[BootClock, float]:
+    """A clock that heard 30 prompt messages a second, and the time; boot time is 10 s less."""
+    clock = BootClock()
+    for n in range(seconds * 30):
+        clock.note(n / 30.0, n / 30.0 - 10.0)
+    return clock, float(seconds)
+
+
+@pytest.mark.parametrize("delay_s", [0.1, 0.49, 0.56, 1.0, 3.0, 60.0])
+def test_an_old_message_is_old_however_old_it_is(delay_s: float) -> None:
+    clock, now_s = learned()
+    assert clock.stamp_s(now_s, now_s - delay_s - 10.0) == pytest.approx(now_s - delay_s)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.floats(0.2, 3.0), st.floats(0.0, 6.0))
+def test_a_delay_that_grows_and_stays_is_believed_but_for_the_drift(
+    delay_s: float, growing_s: float
+) -> None:
+    """From a step (0 s) to a slow growth; 8 s are far beyond every window of forgetting."""
+    clock, start_s = learned()
+    for n in range(8 * 30):
+        elapsed_s = n / 30.0
+        late_s = delay_s * (min(1.0, elapsed_s / growing_s) if growing_s > 0.0 else 1.0)
+        now_s = start_s + elapsed_s + late_s
+        believed_s = now_s - clock.note(now_s, start_s + elapsed_s - 10.0)
+        # The wait for the first late message counts as time in which the clock may have drifted.
+        drift_s = BootClock.DRIFT_S_PER_S * (elapsed_s + late_s + 1.0 / 30.0)
+        assert late_s - drift_s - 1e-6 <= believed_s <= late_s + 1e-6
+
+
+def test_a_link_that_recovers_is_believed_at_once() -> None:
+    clock, now_s = learned()
+    clock.note(now_s + 3.0, now_s - 10.0)
+    assert clock.note(now_s + 3.1, now_s + 3.1 - 10.0) == pytest.approx(now_s + 3.1, abs=0.07)
+    assert clock.restarts == 0
+
+
+def test_a_clock_that_was_set_forward_is_learned_at_once() -> None:
+    clock, now_s = learned()
+    assert clock.note(now_s, now_s + 40.0) == now_s
+    assert clock.note(now_s + 0.1, now_s + 40.0) == pytest.approx(now_s)
+
+
+def test_after_a_restart_on_a_slow_link_old_is_old_again() -> None:
+    clock, now_s = learned(20)
+    assert clock.note(now_s + 1.0, 2.0) == now_s + 1.0
+    assert clock.note(now_s + 4.0, 3.0) == pytest.approx(now_s + 2.0, abs=0.061)
+    assert clock.restarts == 1
