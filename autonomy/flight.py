@@ -2,24 +2,26 @@
 
 The shell has three tasks in one TaskGroup: the control loop at a fixed rate, a server that carries
 requests to the autopilot one after another, and whoever feeds operator commands. Whatever ends the
-loop (exception, cancellation, a defect) ends in stop, hold and land.
+loop (exception, cancellation, a defect) ends in stop, hold and land, unless a pilot or PX4 has
+taken the vehicle: it is left alone then.
 """
 
 import asyncio
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from autonomy.config import Config
+from autonomy.custody import Custody
 from autonomy.errors import Stalled
 from autonomy.mission.guarded import Command, GuardedPilot
 from autonomy.mission.sensing import Sensing
-from autonomy.model import Inputs, OperatorCommand, Outcome
+from autonomy.model import Ending, Inputs, OperatorCommand, Outcome
 from autonomy.tally import Tally
 from hal.frames import Vector3
 from hal.interfaces import Clock, GnssReceiver, RangeSensor, Vehicle
-from hal.readings import LandedState, StatusText, VehicleFacts
-from hal.setpoints import Reply, Request, RequestKind
+from hal.readings import FlightMode, LandedState, StatusText, VehicleFacts, VehicleStatus
+from hal.setpoints import Reply, Request, RequestKind, Setpoint
 from hal.vehicle.deadman import Deadman
 
 
@@ -79,7 +81,12 @@ class Flight:
         self._requests: asyncio.Queue[Request] = asyncio.Queue(maxsize=16)
         self._replies: list[Reply] = []
         self._commands: list[OperatorCommand] = []
+        self._streaming = False
+        """The link repeats a setpoint of this flight."""
+        self._told_too_late = False
         self.tally = Tally()
+        self.custody = Custody()
+        """Which modes of the vehicle are this flight's doing, during it and after."""
 
     @property
     def sensing(self) -> Sensing:
@@ -98,18 +105,35 @@ class Flight:
                 server = group.create_task(self._serve_requests())
                 outcome = await self._control_loop()
                 server.cancel()
+            if outcome.ending is Ending.TAKEN_OVER:
+                self.custody.let_go()
             safe = True
             return outcome
         finally:
-            self._deadman.release()
+            # The link repeats the last setpoint, which may move, until PX4 has left Offboard.
+            self._stop_streaming()
             if not safe:
-                await asyncio.shield(bring_down(self._vehicle, self._config))
+                await asyncio.shield(self._bring_down())
+            self._deadman.release()
+
+    async def _bring_down(self) -> None:
+        """The deadman, which nobody feeds, stays armed until PX4 has the vehicle."""
+        if self._deadman.handovers > self._handovers:
+            self.custody.asked(RequestKind.HOLD)
+        await bring_down(self._vehicle, self._config, self.custody, self._deadman.release)
+
+    def _stop_streaming(self) -> None:
+        """What the link goes on to repeat stays where the vehicle is."""
+        if self._streaming:
+            self._streaming = False
+            self._vehicle.stop_now()
 
     async def _control_loop(self) -> Outcome:
         """Tick until the pilot is done."""
         period_s = 1.0 / self._config.control.rate_hz
         due_s = self._clock.now_s()
         while True:
+            counted = self.tally.late_ticks
             outcome = self._tick()
             if outcome is not None:
                 return outcome
@@ -117,29 +141,28 @@ class Flight:
             wait_s = due_s - self._clock.now_s()
             if wait_s < -period_s:
                 # Late by more than a tick: do not hurry after it, the world has moved on.
-                self.tally.late_ticks += 1
+                self.tally.late_ticks = counted + 1
                 due_s = self._clock.now_s()
             await asyncio.sleep(max(0.0, wait_s))
 
     def _tick(self) -> Outcome | None:
         """One step of the core, and its effects."""
+        inputs = self._gather()
+        # After gathering: a Hold that it shows may be the deadman's, and is no pilot's then.
         if self._deadman.handovers > self._handovers:
             raise Stalled(
-                "the control loop stood still in flight; the vehicle was stopped, held and landed "
-                "meanwhile: the machine was overloaded or this program has a defect, and the last "
-                "tick of the flight log says when"
+                "the control loop stood still in flight; the vehicle was stopped, held and, unless "
+                "a pilot took it, landed: the machine was overloaded or this program has a defect, "
+                "and the last tick of the flight log says when"
             )
-        inputs = self._gather()
         before = time.perf_counter()
         command = self._guarded.step(inputs)
         step_s = time.perf_counter() - before
         decision = command.decision
-        if command.wire_setpoint is not None:
-            self._vehicle.send(command.wire_setpoint)
-            self._deadman.feed()
-        else:
-            self._deadman.release()
+        self.custody.see(inputs.status.mode)
+        self._put_on_wire(command.wire_setpoint, inputs.now_s)
         for request in decision.requests:
+            self.custody.asked(request.kind)
             self._requests.put_nowait(request)
         self.tally.note(command, inputs, step_s)
         for text in self._vehicle.take_texts():
@@ -149,6 +172,25 @@ class Flight:
         if self._observer is not None:
             self._observer.tick(command)
         return decision.outcome
+
+    def _put_on_wire(self, setpoint: Setpoint | None, decided_on_s: float) -> None:
+        """Send and feed, unless the world that was decided on is gone: the deadman sees to it."""
+        if setpoint is None:
+            self._stop_streaming()
+            self._deadman.release()
+            return
+        age_s = self._clock.now_s() - decided_on_s
+        if age_s <= self._config.guard.setpoint_max_age_s:
+            self._vehicle.send(setpoint)
+            self._streaming = True
+            self._deadman.feed()
+            return
+        self.tally.late_ticks += 1
+        if not self._told_too_late and self._observer is not None:
+            self._told_too_late = True
+            self._observer.note(
+                f"a decision took {age_s:.2f} s and was not sent: this computer is overloaded"
+            )
 
     def _gather(self) -> Inputs:
         """What the pilot may know now."""
@@ -181,18 +223,39 @@ class Flight:
             self._replies.append(await self._vehicle.execute(request))
 
 
-async def bring_down(vehicle: Vehicle, config: Config) -> None:
-    """Stop, hold, land: for when the core is gone. Never disarms in the air; never raises."""
-    if vehicle.status().landed is LandedState.ON_GROUND and not vehicle.status().armed:
+async def bring_down(
+    vehicle: Vehicle,
+    config: Config,
+    custody: Custody,
+    held: Callable[[], None] = lambda: None,
+) -> None:
+    """Hold, land: for when the core is gone. Never disarms in the air; never raises.
+
+    Ends without another word once the mode is not this program's doing: a pilot, or PX4's own
+    failsafe, has the vehicle. `held()` is called when PX4 has accepted Hold
+    or Land.
+    """
+    if not _ours_in_the_air(vehicle.status(), custody):
         return
-    await vehicle.execute(Request(RequestKind.HOLD))
+    custody.asked(RequestKind.HOLD)
+    if (await vehicle.execute(Request(RequestKind.HOLD))).accepted:
+        held()
     await asyncio.sleep(1.0)
     ends_s = time.monotonic() + config.mission.land_timeout_s
     while time.monotonic() < ends_s:
         status = vehicle.status()
-        if not status.armed and status.landed is LandedState.ON_GROUND:
+        if not _ours_in_the_air(status, custody):
             return
         if status.link_age_s > 2.0 * config.vehicle.link_timeout_s:
             return
-        await vehicle.execute(Request(RequestKind.LAND))
+        if status.mode is not FlightMode.LAND:
+            custody.asked(RequestKind.LAND)
+            if (await vehicle.execute(Request(RequestKind.LAND))).accepted:
+                held()
         await asyncio.sleep(2.0)
+
+
+def _ours_in_the_air(status: VehicleStatus, custody: Custody) -> bool:
+    """True for a vehicle that is not down yet and that nobody else has taken."""
+    down = status.landed is LandedState.ON_GROUND and not status.armed
+    return not down and custody.holds(status.mode)

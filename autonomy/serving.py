@@ -27,6 +27,7 @@ import msgspec
 
 from autonomy import app
 from autonomy.config import Config, load_config
+from autonomy.custody import Custody
 from autonomy.embedded import EmbeddedPx4
 from autonomy.errors import AutonomyError, BadInput, ExitCode
 from autonomy.flight import Flight, Recorder, bring_down
@@ -266,7 +267,9 @@ class Service:
         """The service's frame in the autopilot's local frame, once a mission was armed."""
         self._last_position: LocalPosition | None = None
         self._readings: dict[str, RangeReading] = {}
-        self._left_in_air = False
+        self._left_in_air: Custody | None = None
+        """The last mission's vehicle while it flies on as the mission left it; None when it landed
+        or somebody else chose its mode."""
         self._ready_told = False
 
     async def run(self) -> None:
@@ -341,8 +344,8 @@ class Service:
         while True:
             self._look(connected)
             if self._ending.is_set():
-                if self._left_in_air:
-                    await bring_down(connected.vehicle, self._config)
+                if self._left_in_air is not None:
+                    await bring_down(connected.vehicle, self._config, self._left_in_air)
                 return
             record = self._station.take_mission()
             if record is not None:
@@ -380,9 +383,13 @@ class Service:
         for text in vehicle.take_texts():
             self._station.tell("px4", f"PX4: {text.text}")
         position = vehicle.local_position()
-        self._follow_frame(position)
-        if status.landed is LandedState.ON_GROUND and not status.armed:
-            self._left_in_air = False
+        on_ground = status.landed is LandedState.ON_GROUND or not status.armed
+        self._follow_frame(position, on_ground=on_ground)
+        left = self._left_in_air
+        if (status.landed is LandedState.ON_GROUND and not status.armed) or (
+            left is not None and not left.holds(status.mode)
+        ):
+            self._left_in_air = None
         self._station.at_rest(
             Instant(
                 now_s=self._drivers.clock.now_s(),
@@ -394,14 +401,14 @@ class Service:
             )
         )
 
-    def _follow_frame(self, position: LocalPosition | None) -> None:
+    def _follow_frame(self, position: LocalPosition | None, *, on_ground: bool) -> None:
         """On the ground only the frame moves: where it jumps, the service's frame jumps along."""
         last, self._last_position = self._last_position, position
         if last is None or position is None or self._origin_ned_m is None:
             return
         jump = subtract(position.position_ned_m, last.position_ned_m)
         reset = position.reset_counter != last.reset_counter
-        if (reset or math.hypot(*jump) > _JUMP_M) and not self._left_in_air:
+        if on_ground and (reset or math.hypot(*jump) > _JUMP_M):
             self._origin_ned_m = add(self._origin_ned_m, jump)
 
     def _origin(self, position: LocalPosition | None) -> Vector3:
@@ -415,13 +422,15 @@ class Service:
 
         A vehicle that somebody else flies is not this service's to stop.
         """
-        if not self._left_in_air:
+        left = self._left_in_air
+        if left is None or not left.holds(connected.vehicle.status().mode):
             self._station.tell("refused", f"{command.value}: nothing is flown by this service")
             return
         if command is OperatorCommand.RESUME:
             self._station.tell("refused", "resume: the mission is over; begin a new one")
             return
         kind = RequestKind.LAND if command is OperatorCommand.LAND else RequestKind.HOLD
+        left.asked(kind)
         reply = await connected.vehicle.execute(Request(kind))
         said = "accepted" if reply.accepted else reply.reason
         self._station.tell(command.value, f"{kind.value} in Hold: {said}")
@@ -509,7 +518,9 @@ class Service:
             home = flight.sensing.home_ned_m
             self._origin_ned_m = (home[0] - offset[0], home[1] - offset[1], home[2])
             self._last_position = vehicle.local_position()
-            self._left_in_air = vehicle.status().armed
+            status = vehicle.status()
+            ours = status.armed and flight.custody.holds(status.mode)
+            self._left_in_air = flight.custody if ours else None
         return app.report_of(mission, route, outcome, flight.tally, recorder)
 
     def _recorder(self, mission: app.Mission, stack: ExitStack) -> FlightRecorder | None:

@@ -77,6 +77,13 @@ class Vehicle(Protocol):
         """Hand one setpoint to the link; returns at once."""
         ...
 
+    def stop_now(self) -> None:
+        """Replace the setpoint, which the link may repeat by itself, by one that stays here.
+
+        From any thread; returns at once and asks for no mode, so it takes the vehicle from nobody.
+        """
+        ...
+
 
 class RangeSensor(Protocol):
     """One or several beams behind one driver."""

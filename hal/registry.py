@@ -23,17 +23,13 @@ Gnss = GnssReceiver | None
 
 
 class LinkedVehicle(Vehicle, MessageSource, Protocol):
-    """A vehicle behind a link that drivers can listen to and the deadman can stop.
+    """A vehicle behind a link that drivers can listen to and the deadman can stop."""
 
-    Both calls are for any thread, return at once and need no event loop.
-    """
+    def hold_now(self) -> bool:
+        """Ask for Hold if the vehicle is in Offboard, as last heard; True when it was asked.
 
-    def stop_now(self) -> None:
-        """Stop, and stay where the vehicle is."""
-        ...
-
-    def hold_now(self) -> None:
-        """Give the vehicle to the autopilot's Hold."""
+        From any thread; returns at once, without the answer, and needs no event loop.
+        """
         ...
 
 

@@ -247,6 +247,17 @@ class SimVehicle:
                 setpoint.position_ned_m, setpoint.velocity_ned_m_s, setpoint.yaw_rad
             )
 
+    def stop_now(self) -> None:
+        """A setpoint that stays where the vehicle is, by its own estimate."""
+        autopilot = self._autopilot
+        self.send(
+            Setpoint(
+                self._clock.now_s(),
+                autopilot.estimated_position_ned_m,
+                yaw_rad=autopilot.estimated_yaw_rad,
+            )
+        )
+
     def execute_now(self, request: Request) -> Reply:
         """Carry out one request; a refusal's reason is what the autopilot wrote."""
         now_s = self._clock.now_s()

@@ -17,6 +17,8 @@ from hal.config import DeadmanConfig
 
 _LOG = logging.getLogger(__name__)
 _LONGEST_PERIOD_S = 0.05
+_ASK_AGAIN_S = 1.5
+"""Longer than a heartbeat takes to tell the mode that was asked for."""
 
 
 class Watch(StrEnum):
@@ -73,7 +75,11 @@ class Deadman:
 
     While the loop flies the vehicle it calls `feed()` at every tick; when it no longer does,
     `release()`. Unfed for `config.timeout_s`: `on_silent()` is called, again at every poll (at
-    most 50 ms apart), until fed or dead. Unfed for `config.hold_after_s` more: `on_dead()` once.
+    most 50 ms apart), until fed or dead. Unfed for `config.hold_after_s` more: `on_dead()`, which
+    returns True when it asked for Hold and False when there was nothing to ask, because the vehicle
+    is not in Offboard (it was granted, or a pilot took it). It is called again every 1.5 s after it
+    asked, and at every poll after it did not, until fed or released: an answer may be lost, and a
+    vehicle may come back to Offboard while nobody flies it.
     A new `feed()` starts over. Both callables run on the deadman's thread and must not wait for
     the event loop; one that raises is logged and does not end the watch (`on_dead` is called
     again at the next poll then).
@@ -87,7 +93,7 @@ class Deadman:
         self,
         config: DeadmanConfig,
         on_silent: Callable[[], None],
-        on_dead: Callable[[], None],
+        on_dead: Callable[[], bool],
         clock: Clock,
     ) -> None:
         self._rule = DeadmanRule(config)
@@ -98,7 +104,8 @@ class Deadman:
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
-        self._handed_over = False
+        self._asked_s: float | None = None
+        """When Hold was asked for last, in this silence."""
         self.stops = 0
         """How often the loop fell silent."""
         self.handovers = 0
@@ -142,26 +149,35 @@ class Deadman:
 
     def step(self, before: Watch) -> Watch:
         """One look at the loop and its consequence; returns the state (`before` of the next)."""
+        now_s = self._clock.now_s()
         with self._lock:
-            state = self._rule.poll(self._clock.now_s())
+            state = self._rule.poll(now_s)
         if state is Watch.SILENT:
             if before is not Watch.SILENT:
                 self.stops += 1
                 _LOG.error("the control loop is silent: stopping the vehicle")
             self._try(self._on_silent)
-        if state is Watch.DEAD and not self._handed_over:
-            _LOG.error("the control loop stays silent: giving the vehicle to the autopilot (Hold)")
-            self._handed_over = self._try(self._on_dead)
-            self.handovers += self._handed_over
-        elif state is not Watch.DEAD:
-            self._handed_over = False
+        if state is Watch.DEAD:
+            self._hand_over(now_s)
+        else:
+            self._asked_s = None
         return state
 
+    def _hand_over(self, now_s: float) -> None:
+        """Ask for Hold, unless the answer to the last time may still be on its way."""
+        if self._asked_s is not None and now_s - self._asked_s < _ASK_AGAIN_S:
+            return
+        if not self._try(self._on_dead):
+            return
+        _LOG.error("the control loop stays silent: the vehicle was told to hold (PX4's Hold)")
+        self.handovers += self._asked_s is None
+        self._asked_s = now_s
+
     @staticmethod
-    def _try(action: Callable[[], None]) -> bool:
+    def _try(action: Callable[[], bool | None]) -> bool:
+        """What `action` returned; False when it raised."""
         try:
-            action()
+            return bool(action())
         except Exception:  # noqa: BLE001 - whatever fails, the watch must go on
             _LOG.exception("the deadman's action failed; it will be tried again")
             return False
-        return True

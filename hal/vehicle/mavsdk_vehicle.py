@@ -651,11 +651,20 @@ class MavsdkVehicle:
         else:
             self._put_zero_velocity()
 
-    def hold_now(self) -> None:
-        """Ask for Hold without waiting for the answer. For the deadman: any thread."""
+    def hold_now(self) -> bool:
+        """Ask for Hold without waiting for the answer, unless the vehicle is not in Offboard.
+
+        For the deadman: any thread. True when Hold was asked for; whether it was granted, the
+        heartbeat says. Another mode is a pilot's or PX4's choice and stays.
+        """
+        heartbeat = self._heartbeat.get()
+        if heartbeat is None or heartbeat.mode is not FlightMode.OFFBOARD:
+            return False
         with self._door:
-            if self._link is not None:
-                self._link.action.hold_async(self._awaited(lambda *_: None))
+            if self._link is None:
+                return False
+            self._link.action.hold_async(self._awaited(_note_hold))
+        return True
 
     def _here(self, *, keep: bool = False) -> Setpoint | None:
         """A setpoint that stays where the vehicle is; None without a fresh position.
@@ -777,6 +786,13 @@ def _read_parameter(link: _Link, name: str) -> None:
         link.parameters[name] = float(read(name))
     except ParamError as error:
         _LOG.info("parameter %s was not read: %s", name, error.result.name)
+
+
+def _note_hold(result: ActionResult, _: object) -> None:
+    """The answer to a Hold that nobody waits for."""
+    problem = _problem(result)
+    if problem is not None:
+        _LOG.warning("hold was not done: %s", problem)
 
 
 _PROBLEMS = {

@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from autonomy.embedded import EmbeddedPx4, free_udp_port
 from hal.errors import ConnectionFailed, PortInUse, WrongAutopilot
 from hal.setpoints import Request, RequestKind, Setpoint
+from hal.vehicle.mavsdk_vehicle import MavsdkVehicle
 from tests.support.airborne import vehicle_on
 from tests.support.wire import WireTap
 
@@ -153,17 +154,33 @@ async def test_it_opens_again_after_closing_and_leaves_no_thread(px4: EmbeddedPx
     assert native_threads() <= before
 
 
+async def ask_and_give_up(vehicle: MavsdkVehicle) -> None:
+    """Ask for Hold and do not wait for the answer."""
+    asking = asyncio.get_running_loop().create_task(vehicle.execute(Request(RequestKind.HOLD)))
+    await asyncio.sleep(0.0)
+    asking.cancel()
+    await asyncio.gather(asking, return_exceptions=True)
+
+
+async def test_a_vehicle_that_is_not_in_offboard_is_not_told_to_hold(px4: EmbeddedPx4) -> None:
+    vehicle = vehicle_on(px4.connection)
+    assert not vehicle.hold_now()
+    await vehicle.open(15.0)
+    assert not vehicle.hold_now()
+    await vehicle.close()
+
+
 async def test_closing_waits_for_what_was_asked(px4: EmbeddedPx4) -> None:
     """An answer that came while the library took its plugins down ended the process."""
     vehicle = vehicle_on(px4.connection)
     for _ in range(4):
         await vehicle.open(15.0)
-        vehicle.hold_now()
-        vehicle.hold_now()
+        await ask_and_give_up(vehicle)
+        await ask_and_give_up(vehicle)
         await vehicle.close()
     assert (await vehicle.open(15.0)).system_id == 1
     os.kill(px4.pid or 0, signal.SIGSTOP)
-    vehicle.hold_now()
+    await ask_and_give_up(vehicle)
     began_s = time.monotonic()
     await vehicle.close()
     os.kill(px4.pid or 0, signal.SIGCONT)

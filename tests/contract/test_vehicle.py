@@ -104,6 +104,13 @@ async def test_it_flies_where_it_is_sent_and_refuses_what_would_drop_it(rig: Rig
     assert position is not None
     assert position.position_ned_m[0] - start[0] > 0.2
     assert abs(position.position_ned_m[1] - start[1]) < 0.2
+    vehicle.stop_now()
+    await rig.pass_time(0.8)
+    stopped = vehicle.local_position()
+    assert stopped is not None
+    assert vehicle.status().mode is FlightMode.OFFBOARD, "stopping asks for no mode"
+    assert math.hypot(*stopped.velocity_ned_m_s) < 0.08
+    assert math.dist(stopped.position_ned_m, position.position_ned_m) < 0.15
     await accepted(rig, RequestKind.HOLD)
     await until(rig, lambda: vehicle.status().mode is FlightMode.HOLD, 2.0, "Hold")
     await accepted(rig, RequestKind.LAND)

@@ -11,7 +11,7 @@ from autonomy.serving import Drivers
 from hal.clock import SimClock
 from hal.errors import ConnectionFailed
 from hal.interfaces import WireMessage
-from hal.readings import RangeReading, VehicleFacts
+from hal.readings import FlightMode, RangeReading, VehicleFacts
 from hal.setpoints import Reply, Request, RequestKind
 from hal.sim.autopilot import Autopilot
 from hal.sim.faults import with_beam_faults
@@ -37,12 +37,12 @@ class DrivenVehicle(SimVehicle):
         """When it was received."""
         return message.received_s
 
-    def stop_now(self) -> None:
-        """The deadman's first step; on simulated time it is never needed."""
-
-    def hold_now(self) -> None:
+    def hold_now(self) -> bool:
         """The deadman's second step."""
+        if self.status().mode is not FlightMode.OFFBOARD:
+            return False
         self.execute_now(Request(RequestKind.HOLD))
+        return True
 
     async def execute(self, request: Request) -> Reply:
         """As the contract says; time passes."""

@@ -1,6 +1,7 @@
 """The service with everything but the vehicle: waiting, flying, frames, ends."""
 
 import asyncio
+import functools
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,8 @@ from autonomy.service.systemd import Notifier
 from autonomy.serving import Desk, Service, shifted
 from autonomy.simulation import with_scenario
 from hal.readings import FlightMode, LandedState
+from hal.setpoints import Reply, Request, RequestKind
+from hal.sim.px4 import Mode
 from hal.sim.scenario import load_scenario
 from tests.support.simulated_drivers import Rig
 
@@ -222,6 +225,72 @@ async def test_what_the_service_left_in_the_air_it_can_land(tmp_path: Path) -> N
         await stage.until_true(lambda: not stage.rig.vehicle.status().armed)
         assert stage.rig.vehicle.status().landed is LandedState.ON_GROUND
         stage.service.stop()
+
+
+def is_told(stage: Stage, text: str) -> bool:
+    return text in events(stage)
+
+
+def asks(stage: Stage) -> list[RequestKind]:
+    """What the vehicle is asked from now on."""
+    asked: list[RequestKind] = []
+    execute_now = stage.rig.vehicle.execute_now
+
+    def spied(request: Request) -> Reply:
+        asked.append(request.kind)
+        return execute_now(request)
+
+    stage.rig.vehicle.execute_now = spied  # type: ignore[method-assign]  # a spy
+    return asked
+
+
+async def test_what_the_service_left_in_the_air_is_not_its_own_once_a_pilot_switched(
+    tmp_path: Path,
+) -> None:
+    stage = Stage(tmp_path)
+    autopilot = stage.rig.vehicle.autopilot
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        record = await stage.fly(MissionOrder(goals=([1.0, 0.0],), land=False))
+        assert record.ending == "goal_reached"
+        assert stage.service._left_in_air is not None
+        autopilot._intended = Mode.POSITION  # the simulated vehicle has no remote control
+        await stage.until_true(lambda: stage.service._left_in_air is None)
+        autopilot._intended = Mode.HOLD  # back again: the pilot's Hold now
+        asked = asks(stage)
+        for command in (OperatorCommand.LAND, OperatorCommand.HOLD):
+            stage.station.command(command)
+            said = f"{command.value}: nothing is flown"
+            await stage.until_true(functools.partial(is_told, stage, said))
+        stage.service.stop()
+    assert asked == []
+    assert stage.rig.vehicle.status().armed
+
+
+async def test_a_vehicle_that_a_pilot_took_in_flight_stays_the_pilot_s(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+    autopilot = stage.rig.vehicle.autopilot
+
+    def take() -> None:
+        drawn = stage.station.drawn
+        if drawn is not None and len(drawn.track) == 12:
+            stage.rig.at_tick = None
+            autopilot._intended = Mode.HOLD
+
+    stage.rig.at_tick = take
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        record = await stage.fly(MissionOrder(goals=([2.0, 0.0],)))
+        assert record.ending == "taken_over"
+        asked = asks(stage)
+        stage.station.command(OperatorCommand.LAND)
+        await stage.until_true(lambda: "land: nothing is flown" in events(stage))
+        stage.service.stop()
+    assert asked == []
+    assert stage.rig.vehicle.status().mode is FlightMode.HOLD
+    assert stage.rig.vehicle.status().armed
 
 
 async def test_a_vehicle_that_somebody_else_flies_is_left_alone(tmp_path: Path) -> None:

@@ -14,20 +14,27 @@ CONFIG = DeadmanConfig(timeout_s=0.25, hold_after_s=1.0)
 
 
 class Calls:
-    """Counts the deadman's actions; the first `failures` calls of on_dead raise."""
+    """Counts the deadman's actions on a vehicle that is in Offboard until the Hold number
+    `granted`; the first `failures` calls of on_dead raise."""
 
-    def __init__(self, failures: int = 0) -> None:
+    def __init__(self, failures: int = 0, granted: int = 1) -> None:
         self.stops = 0
         self.holds = 0
+        self.offboard = True
         self._failures = failures
+        self._granted = granted
 
     def stop(self) -> None:
         self.stops += 1
 
-    def hold(self) -> None:
+    def hold(self) -> bool:
+        if not self.offboard:
+            return False
         self.holds += 1
         if self.holds <= self._failures:
             raise RuntimeError("planted")
+        self.offboard = self.holds < self._failures + self._granted
+        return True
 
 
 def deadman(clock: SimClock, calls: Calls) -> Deadman:
@@ -134,6 +141,7 @@ def test_each_silence_has_its_own_hand_over() -> None:
     watch = deadman(clock, calls)
     state = Watch.RELEASED
     for _ in range(3):
+        calls.offboard = True
         watch.feed()
         state = run(watch, clock, 3.0, state)
     assert (calls.holds, watch.stops, watch.handovers) == (3, 3, 3)
@@ -148,9 +156,39 @@ def test_a_hand_over_that_fails_is_tried_again(caplog: pytest.LogCaptureFixture)
     assert "planted" in caplog.text
 
 
+def test_a_hold_that_the_vehicle_does_not_show_is_asked_again_until_it_does() -> None:
+    clock, calls = SimClock(), Calls(granted=3)
+    watch = deadman(clock, calls)
+    watch.feed()
+    state = run(watch, clock, 2.6, Watch.RELEASED)
+    assert calls.holds == 1, "the heartbeat had no time to tell"
+    run(watch, clock, 10.0, state)
+    assert (calls.holds, watch.handovers, calls.offboard) == (3, 1, False)
+
+
+def test_a_vehicle_that_a_pilot_took_is_not_handed_over() -> None:
+    clock, calls = SimClock(), Calls()
+    calls.offboard = False
+    watch = deadman(clock, calls)
+    watch.feed()
+    state = run(watch, clock, 5.0, Watch.RELEASED)
+    assert (state, calls.holds, watch.handovers) == (Watch.DEAD, 0, 0)
+
+
+def test_a_vehicle_that_comes_back_to_offboard_while_nobody_flies_it_is_held() -> None:
+    clock, calls = SimClock(), Calls()
+    calls.offboard = False
+    watch = deadman(clock, calls)
+    watch.feed()
+    state = run(watch, clock, 5.0, Watch.RELEASED)
+    calls.offboard = True
+    run(watch, clock, 0.1, state)
+    assert (calls.holds, watch.handovers) == (1, 1)
+
+
 def test_the_thread_stops_a_silent_vehicle_and_ends_with_the_context() -> None:
     clock, stopped = SimClock(), threading.Event()
-    with Deadman(CONFIG, stopped.set, lambda: None, clock) as watch:
+    with Deadman(CONFIG, stopped.set, lambda: True, clock) as watch:
         watch.feed()
         clock.advance(0.3)
         assert stopped.wait(5.0)

@@ -1,0 +1,280 @@
+"""The shell of a flight on simulated time: how it ends, and whose the vehicle is then."""
+
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from autonomy.config import Config
+from autonomy.errors import Stalled
+from autonomy.flight import Flight
+from autonomy.mission.guarded import Command
+from autonomy.model import Ending, Inputs
+from autonomy.simulation import goal_of, with_scenario
+from hal.readings import FlightMode, LandedState, StatusText
+from hal.setpoints import Reply, Request, RequestKind, Setpoint
+from hal.sim.px4 import Mode
+from hal.sim.scenario import load_scenario
+from hal.sim.vehicle import Truth
+from hal.vehicle.deadman import Deadman, Watch
+from tests.support.simulated_drivers import DrivenBeams, Rig
+
+MOVING_M_S = 0.1
+
+
+class Planted(Exception):
+    """The defect under test."""
+
+
+class Notes:
+    """An observer that keeps its lines."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def tick(self, command: Command) -> None:
+        """Not kept."""
+
+    def note(self, text: str) -> None:
+        self.lines.append(text)
+
+
+class Stage:
+    """One flight, everything that was asked of its vehicle, and a hook once a tick."""
+
+    def __init__(self) -> None:
+        world = load_scenario("empty")
+        self.config = with_scenario(Config(), world)
+        self.rig = Rig(world, self.config)
+        self.vehicle = self.rig.vehicle
+        self.vehicle.seconds_a_request = 3.0
+        self.asked: list[RequestKind] = []
+        self.sent: list[Setpoint] = []
+        self.stopped_s: list[float] = []
+        self.notes = Notes()
+        self._spy()
+        self.deadman = Deadman(
+            self.config.deadman, self.vehicle.stop_now, self.vehicle.hold_now, self.rig.clock
+        )
+        self.flight = Flight(
+            self.config,
+            (goal_of(world, self.config),),
+            vehicle=self.vehicle,
+            facts=self.vehicle.facts(),
+            sensors=(DrivenBeams(self.rig),),
+            gnss=None,
+            deadman=self.deadman,
+            clock=self.rig.clock,
+            recorder=self,
+            observer=self.notes,
+        )
+
+    def _spy(self) -> None:
+        execute_now, send = self.vehicle.execute_now, self.vehicle.send
+        stop_now = self.vehicle.stop_now
+
+        def spied_execute(request: Request) -> Reply:
+            self.asked.append(request.kind)
+            return execute_now(request)
+
+        def spied_send(setpoint: Setpoint) -> None:
+            self.sent.append(setpoint)
+            send(setpoint)
+
+        def spied_stop() -> None:
+            self.stopped_s.append(self.rig.clock.now_s())
+            stop_now()
+
+        self.vehicle.execute_now = spied_execute  # type: ignore[method-assign]  # a spy
+        self.vehicle.send = spied_send  # type: ignore[method-assign]  # a spy
+        self.vehicle.stop_now = spied_stop  # type: ignore[method-assign]  # a spy
+
+    def tick(self, inputs: Inputs, command: Command, step_s: float) -> None:
+        """A tick of the flight, for its log."""
+
+    def text(self, text: StatusText) -> None:
+        """A text, for its log."""
+
+    @property
+    def truth(self) -> Truth:
+        return self.vehicle.truth()
+
+    def switch(self, mode: Mode) -> None:
+        """A pilot's switch."""
+        self.vehicle.autopilot._intended = mode  # the simulated vehicle has no remote control
+        self.vehicle.advance(0.05)
+
+    def when_cruising(self, act: Callable[[], None]) -> None:
+        """Call `act` once, in Offboard and moving."""
+
+        def watch() -> None:
+            north, east, _ = self.truth.velocity_ned_m_s
+            moving = (north**2 + east**2) ** 0.5 > MOVING_M_S
+            if moving and self.vehicle.status().mode is FlightMode.OFFBOARD:
+                self.rig.at_tick = None
+                self.asked.clear()
+                act()
+
+        self.rig.at_tick = watch
+
+    def stall(self, seconds: float, before_each: Callable[[float], None]) -> None:
+        """The loop stands still; only the deadman, in steps, and the vehicle go on."""
+        state, began_s = Watch.FED, self.rig.clock.now_s()
+        while (late_s := self.rig.clock.now_s() - began_s) < seconds:
+            before_each(late_s)
+            self.vehicle.advance(0.05)
+            state = self.deadman.step(state)
+
+    def run(self) -> Ending:
+        return asyncio.run(self.flight.run()).ending
+
+
+@pytest.fixture
+def stage(monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
+    built = Stage()
+    with _simulated_waiting(built, monkeypatch):
+        yield built
+
+
+@contextmanager
+def _simulated_waiting(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Bringing down waits on the vehicle's time."""
+    sleep = asyncio.sleep
+
+    async def wait(seconds: float) -> None:
+        if seconds >= 1.0:
+            stage.vehicle.advance(seconds)
+        await sleep(0.0)
+
+    monkeypatch.setattr("autonomy.flight.asyncio.sleep", wait)
+    yield
+
+
+def landed(stage: Stage) -> bool:
+    status = stage.vehicle.status()
+    return status.landed is LandedState.ON_GROUND and not status.armed
+
+
+def raise_planted() -> None:
+    raise Planted
+
+
+def test_a_defect_in_flight_stops_first_then_holds_and_lands(stage: Stage) -> None:
+    stage.when_cruising(raise_planted)
+    with pytest.raises(ExceptionGroup):
+        stage.run()
+    assert stage.asked == [RequestKind.HOLD, RequestKind.LAND]
+    assert stage.stopped_s
+    assert landed(stage)
+
+
+def test_until_hold_is_granted_the_vehicle_stays_stopped_and_the_deadman_watches(
+    stage: Stage,
+) -> None:
+    states: list[Watch] = []
+    execute_now = stage.vehicle.execute_now
+
+    def slow(request: Request) -> Reply:
+        if request.kind is RequestKind.HOLD and not states:
+            for _ in range(20):
+                stage.vehicle.advance(0.05)
+                states.append(stage.deadman.step(states[-1] if states else Watch.FED))
+            assert stage.vehicle.status().mode is FlightMode.OFFBOARD
+            assert max(abs(v) for v in stage.truth.velocity_ned_m_s) < 0.05
+        return execute_now(request)
+
+    stage.vehicle.execute_now = slow  # type: ignore[method-assign]  # a slow answer
+    stage.when_cruising(raise_planted)
+    with pytest.raises(ExceptionGroup):
+        stage.run()
+    assert Watch.SILENT in states
+    assert Watch.RELEASED not in states
+    assert stage.deadman.step(Watch.RELEASED) is Watch.RELEASED
+    assert landed(stage)
+
+
+def test_a_stalled_loop_whose_vehicle_was_held_lands_it(stage: Stage) -> None:
+    stage.when_cruising(lambda: stage.stall(4.0, lambda _: None))
+    with pytest.raises(ExceptionGroup) as caught:
+        stage.run()
+    assert caught.group_contains(Stalled)
+    assert RequestKind.LAND in stage.asked
+    assert landed(stage)
+
+
+@pytest.mark.parametrize("at_s", [0.1, 2.5], ids=["before the hand-over", "after it"])
+@pytest.mark.parametrize("mode", [Mode.POSITION, Mode.MISSION, Mode.RETURN, Mode.LAND])
+def test_a_pilot_who_switches_during_a_stall_keeps_the_vehicle(
+    stage: Stage, mode: Mode, at_s: float
+) -> None:
+    switched: list[float] = []
+
+    def pilot(late_s: float) -> None:
+        if late_s >= at_s and not switched:
+            switched.append(late_s)
+            stage.switch(mode)
+            stage.asked.clear()
+
+    stage.when_cruising(lambda: stage.stall(4.0, pilot))
+    try:
+        assert stage.run() is Ending.TAKEN_OVER
+    except ExceptionGroup as group:
+        assert group.subgroup(Stalled) is not None  # noqa: PT017 - either end is right
+    assert switched
+    assert stage.asked == []
+    assert stage.vehicle.status().mode is mode.flight_mode
+
+
+def test_a_pilot_who_takes_hold_during_a_stall_keeps_it(stage: Stage) -> None:
+    stage.when_cruising(
+        lambda: stage.stall(4.0, lambda late_s: stage.switch(Mode.HOLD) if late_s < 0.1 else None)
+    )
+    assert stage.run() is Ending.TAKEN_OVER
+    assert stage.asked == []
+    assert stage.vehicle.status().armed
+
+
+def test_a_defect_before_the_take_off_leaves_whoever_flies_by_hand_alone(stage: Stage) -> None:
+    for kind in (RequestKind.ARM, RequestKind.TAKEOFF):
+        stage.vehicle.execute_now(Request(kind, 1.0))
+    stage.vehicle.advance(8.0)
+    stage.switch(Mode.POSITION)
+    stage.asked.clear()
+    stage.rig.at_tick = raise_planted
+    with pytest.raises(ExceptionGroup):
+        stage.run()
+    assert stage.asked == []
+    assert stage.vehicle.status().mode is FlightMode.MANUAL
+
+
+def test_a_taken_vehicle_has_no_moving_setpoint_left_behind(stage: Stage) -> None:
+    stage.when_cruising(lambda: stage.switch(Mode.POSITION))
+    assert stage.run() is Ending.TAKEN_OVER
+    assert len(stage.stopped_s) == 1
+    assert stage.sent[-1].velocity_ned_m_s == (0.0, 0.0, 0.0)
+    assert not any(stage.flight.custody.holds(mode) for mode in FlightMode)
+
+
+def test_a_decision_that_took_too_long_is_neither_sent_nor_fed(stage: Stage) -> None:
+    step = stage.flight._guarded.step
+    late: list[int] = []
+    before: list[int] = []
+
+    def slow(inputs: Inputs) -> Command:
+        command = step(inputs)
+        north, east, _ = stage.truth.velocity_ned_m_s
+        flying = command.wire_setpoint is not None and abs(north) + abs(east) > MOVING_M_S
+        if flying and len(late) < 2:
+            before.append(len(stage.sent))
+            late.append(stage.flight.tally.late_ticks)
+            stage.vehicle.advance(0.21)
+        elif len(before) == 2:
+            before.append(len(stage.sent))
+        return command
+
+    stage.flight._guarded.step = slow  # type: ignore[method-assign]  # a slow core
+    assert stage.run() is Ending.GOAL_REACHED
+    assert before[0] == before[1] == before[2]
+    assert late[1] == late[0] + 1
+    assert len([line for line in stage.notes.lines if "overloaded" in line]) == 1
