@@ -1,0 +1,1 @@
+"""Planners that T3DRM is measured against, all behind `interface.Baseline`."""
