@@ -170,6 +170,17 @@ def test_a_start_between_two_walls_too_near_is_boxed_in() -> None:
     assert found.evidence
 
 
+def test_the_way_out_never_leads_through_a_wall_but_a_goal_may_move_across_it() -> None:
+    # Between two walls 0.15 m apart the nearest free place, 0.23 m off, lies behind one of them.
+    hits = np.concatenate((wall((0.03, -0.9), (0.03, 0.9)), wall((-0.12, -0.9), (-0.12, 0.9))))
+    inside, outside = (0.0, 0.0), (3.0, 0.0)
+    assert isinstance(PLANNER.plan(inside, outside, hits), NoPlan)
+    moved = PLANNER.plan(outside, inside, hits, tolerance_m=0.25)
+    assert isinstance(moved, Plan)
+    assert moved.points[-1][0] >= 0.03 + 0.2
+    assert distance(moved.points[-1], inside) <= 0.25
+
+
 def test_a_start_just_outside_the_fence_is_led_back_in() -> None:
     plan = PLANNER.plan((-1.03, 2.0), (5.0, 2.0), NO_HITS)
     assert isinstance(plan, Plan)
