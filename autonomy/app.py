@@ -13,6 +13,7 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import msgspec
 
@@ -29,10 +30,11 @@ from autonomy.report import EXIT_CODES, FlightReport, FlyOptions
 from autonomy.service.lock import Holder, VehicleHeld, VehicleLock, utc_now
 from autonomy.simulation import with_scenario
 from autonomy.tally import Tally
+from autonomy.termination import termination_signals
 from autonomy.warm import warm_up
 from hal import registry
 from hal.clock import MonotonicClock
-from hal.config import CONNECTION_SCHEMES, validate_document
+from hal.config import CONNECTION_SCHEMES, DEVICE_SCHEMES, validate_document
 from hal.frames import Vector3, ned_from_enu, ned_from_frd
 from hal.interfaces import Vehicle
 from hal.sim.scenario import Scenario, load_scenario
@@ -83,7 +85,7 @@ def prepare_with(config: Config, options: FlyOptions) -> Mission:
     if scenario is not None:
         mission.route_ned_m(math.radians(scenario.start_yaw_deg))
     else:
-        _check_connection(options.connection or config.vehicle.connection)
+        check_connection(options.connection or config.vehicle.connection)
         if options.frame != "body":
             mission.route_ned_m(0.0)
     return mission
@@ -190,7 +192,7 @@ def _with_options(config: Config, options: FlyOptions) -> Config:
     return validate_document(data, Config, "command line")
 
 
-def _check_connection(connection: str) -> None:
+def check_connection(connection: str) -> None:
     """Raise BadInput for what is not the URL of a connection."""
     scheme, colon, rest = connection.partition("://")
     if scheme not in CONNECTION_SCHEMES or not colon or not rest:
@@ -198,6 +200,14 @@ def _check_connection(connection: str) -> None:
             f"the connection {connection!r} is not understood; write it like "
             "udpin://0.0.0.0:14540, tcpout://host:port or serial:///dev/ttyAMA0:921600"
         )
+    if scheme in DEVICE_SCHEMES:
+        return
+    try:
+        port = urlsplit(connection).port
+    except ValueError:
+        port = 0
+    if port == 0:
+        raise BadInput(f"the port of the connection {connection!r} is not a number from 1 to 65535")
 
 
 def _goal_ned(
@@ -240,15 +250,26 @@ async def start_yaw_rad(mission: Mission, vehicle: Vehicle) -> float:
     raise BadInput("the vehicle does not tell its heading, so --frame body has no meaning; use ned")
 
 
-def flight_recorder(mission: Mission) -> FlightRecorder:
-    """The flight log, with what a stranger needs to understand and repeat the flight."""
+@contextlib.contextmanager
+def flight_recorder(mission: Mission) -> Iterator[FlightRecorder]:
+    """The flight log, with what a stranger needs to understand and repeat the flight.
+
+    A start that failed before the first tick leaves no file. Raises BadInput when none can be made.
+    """
     options, config = mission.options, mission.config
-    return FlightRecorder.in_folder(
+    recorder = FlightRecorder.in_folder(
         Path(options.log_dir or config.log.directory),
         config_json=config.model_dump_json(),
         scenario=options.scenario,
         seed=options.seed if options.scenario is not None else None,
     )
+    try:
+        with recorder:
+            yield recorder
+    finally:
+        if recorder.ticks == 0:
+            with contextlib.suppress(OSError):  # a disk that refuses this keeps an empty log
+                recorder.path.unlink()
 
 
 # ---------------------------------------------------------------- during the flight
@@ -304,24 +325,26 @@ def _warnings_noted(progress: Progress) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _termination_interrupts() -> Iterator[None]:
-    """SIGTERM ends as Ctrl-C does, tidily; in flight `_operator_signals` has both."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """Every `termination_signals` ends as Ctrl-C does; in flight `_operator_signals` has them."""
+    handler = signal.default_int_handler
+    before = {number: signal.signal(number, handler) for number in termination_signals()}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, previous in before.items():
+            signal.signal(number, previous)
 
 
 @contextlib.contextmanager
 def _operator_signals(flight: Flight, progress: Progress) -> Iterator[None]:
-    """Ctrl-C and SIGTERM stop, hold and then land; a second one lands at once."""
+    """Each of `termination_signals` stops, holds and then lands; a second one lands at once."""
     loop = asyncio.get_running_loop()
 
     def stop() -> None:
         progress.note("stopping: hold, then land; once more to land at once")
         flight.command(OperatorCommand.STOP)
 
-    signals = (signal.SIGINT, signal.SIGTERM)
+    signals = termination_signals()
     for number in signals:
         loop.add_signal_handler(number, stop)
     try:

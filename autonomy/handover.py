@@ -16,12 +16,14 @@ from autonomy.report import FlightReport, FlyOptions
 from autonomy.service.client import Client
 from autonomy.service.contract import MissionOrder, MissionRecord
 from autonomy.service.lock import Holder
+from autonomy.termination import termination_signals
 
 
 def hand_over(options: FlyOptions, holder: Holder, progress: Progress) -> FlightReport:
     """Let `holder` fly the mission; returns the report when it is over.
 
-    The first Ctrl-C (or SIGTERM) stops the mission, the second lands it, as if it were flown here.
+    The first Ctrl-C (or another of `termination_signals`) stops the mission, the second lands it,
+    as if it were flown here.
     Raises BadInput when the service refuses it, NoService when the service ends before the mission.
     """
     if holder.api is None:
@@ -77,8 +79,7 @@ def _interrupts(client: Client, progress: Progress) -> Iterator[None]:
         except BadInput as error:
             progress.note(str(error))
 
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.signal(number, stop) for number in numbers}
+    before = {number: signal.signal(number, stop) for number in termination_signals()}
     try:
         yield
     finally:

@@ -15,7 +15,6 @@ import gc
 import logging
 import math
 import os
-import signal
 import sys
 import traceback
 from collections.abc import Callable, Iterator
@@ -44,6 +43,7 @@ from autonomy.service.server import WebServer, access_of, listening_socket, url_
 from autonomy.service.station import FlownMission, Instant, Station
 from autonomy.service.systemd import Notifier
 from autonomy.simulation import with_scenario
+from autonomy.termination import termination_signals
 from autonomy.warm import warm_up
 from hal import registry
 from hal.clock import MonotonicClock
@@ -131,7 +131,7 @@ def serve(options: ServeOptions) -> int:
 
 
 def _effective(options: ServeOptions) -> Config:
-    """The configuration with what was typed laid over it; raises DocumentError."""
+    """The configuration with what was typed laid over it; raises DocumentError or BadInput."""
     config = load_config(Path(options.config_path) if options.config_path else None)
     typed = {"host": options.host, "port": options.port}
     service = {key: value for key, value in typed.items() if value is not None}
@@ -140,7 +140,8 @@ def _effective(options: ServeOptions) -> Config:
         changes["log"] = config.log.model_copy(update={"directory": options.log_dir})
     config = config.model_copy(update=changes)
     if options.scenario is not None:
-        config = with_scenario(config, load_scenario(options.scenario))
+        return with_scenario(config, load_scenario(options.scenario))
+    app.check_connection(options.connection or config.vehicle.connection)
     return config
 
 
@@ -577,9 +578,9 @@ class Service:
 
     @contextlib.contextmanager
     def _signals(self) -> Iterator[None]:
-        """SIGINT and SIGTERM are `stop`."""
+        """Each of `termination_signals` is `stop`."""
         loop = asyncio.get_running_loop()
-        numbers = (signal.SIGINT, signal.SIGTERM)
+        numbers = termination_signals()
         for number in numbers:
             loop.add_signal_handler(number, self.stop)
         try:

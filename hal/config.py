@@ -376,6 +376,10 @@ CONNECTION_SCHEMES = (
 """How a connection URL may begin, before `://`; the last three are older spellings."""
 
 
+DEVICE_SCHEMES = ("serial", "serial_flowcontrol")
+"""Those of them that name a device of this computer, `///device:baud`, instead of an address."""
+
+
 class VehicleConfig(Section):
     """How the autopilot is reached."""
 

@@ -134,6 +134,11 @@ class FlightRecorder:
         return self._failure
 
     @property
+    def ticks(self) -> int:
+        """How many ticks it was given."""
+        return self._next
+
+    @property
     def dropped(self) -> int:
         """How many ticks did not reach the log."""
         return self._dropped

@@ -12,6 +12,7 @@ import functools
 import json
 import logging
 import math
+import os
 import socket
 import threading
 from collections import deque
@@ -40,7 +41,7 @@ from mavsdk.plugins.offboard import (
 from mavsdk.plugins.param import Param, ParamError
 from mavsdk.system import System
 
-from hal.config import BeamsConfig, VehicleConfig
+from hal.config import DEVICE_SCHEMES, BeamsConfig, VehicleConfig
 from hal.errors import ConnectionFailed, PortInUse, ReadingRefused, WrongAutopilot
 from hal.frames import ZERO3
 from hal.interfaces import Clock, WireMessage
@@ -249,6 +250,7 @@ class MavsdkVehicle:
     async def _open(self, worker: ThreadPoolExecutor) -> VehicleFacts:
         loop = asyncio.get_running_loop()
         _refuse_a_taken_port(self._config.connection)
+        _refuse_a_device_that_cannot_be_opened(self._config.connection)
         mavsdk = await loop.run_in_executor(worker, self._connect)
         system = await _first_autopilot(mavsdk)
         _refuse_others_than_px4(system, self._config.connection)
@@ -732,6 +734,22 @@ def _refuse_a_taken_port(connection: str) -> None:
                 f"the port of {connection} cannot be opened ({error.strerror}); stop the program "
                 "that uses it (another autonomy or a ground station), or choose another port"
             ) from None
+
+
+def _refuse_a_device_that_cannot_be_opened(connection: str) -> None:
+    """Raise ConnectionFailed with the cause, which the library does not tell."""
+    scheme, _, rest = connection.partition("://")
+    if scheme not in DEVICE_SCHEMES:
+        return
+    head, colon, baud = rest.rpartition(":")
+    path = head if colon and baud.isdigit() else rest
+    try:
+        os.close(os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK))
+    except OSError as error:
+        raise ConnectionFailed(
+            f"{connection} cannot be opened: {path}: {error.strerror}; plug the device in, name "
+            "another one, or let this user use it (group dialout)"
+        ) from None
 
 
 def _refuse_others_than_px4(system: System, connection: str) -> None:

@@ -66,6 +66,14 @@ async def test_a_connection_that_cannot_be_is_refused_with_a_remedy(connection: 
     assert connection in str(refusal.value)
 
 
+@pytest.mark.parametrize(
+    "connection", ["serial:///dev/nope", "serial_flowcontrol:///dev/nope:9600"]
+)
+async def test_a_device_that_is_not_there_is_the_cause_that_is_told(connection: str) -> None:
+    with pytest.raises(ConnectionFailed, match=r"/dev/nope: No such file or directory; plug"):
+        await vehicle_on(connection).open(5.0)
+
+
 @pytest.mark.parametrize("shared", [False, True])
 async def test_a_taken_port_is_refused_also_when_its_owner_would_share_it(shared: bool) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as owner:

@@ -101,6 +101,13 @@ def terminated(folder: Path) -> Ended:
         return ended(flying, since_s, mock)
 
 
+def hung_up(folder: Path) -> Ended:
+    with MockProcess(folder, "--scenario", "empty") as mock, over(mock, folder) as flying:
+        since_s = cruise(flying)
+        flying.send_signal(signal.SIGHUP)
+        return ended(flying, since_s, mock)
+
+
 def terminated_at_take_off(folder: Path) -> Ended:
     with MockProcess(folder, "--scenario", "empty") as mock, over(mock, folder) as flying:
         flying.wait_for("takeoff")
@@ -291,6 +298,7 @@ FLIGHTS: tuple[Callable[[Path], Ended], ...] = (
     ctrl_c_once,
     ctrl_c_twice,
     terminated,
+    hung_up,
     terminated_at_take_off,
     frozen_vehicle,
     vanished_vehicle,
@@ -351,8 +359,10 @@ def test_ctrl_c_twice_lands_at_once(flown: Flown) -> None:
     assert on_the_ground(end.truth)
 
 
-@pytest.mark.parametrize("flight", [terminated, terminated_at_take_off])
-def test_sigterm_is_an_order_to_come_down(flown: Flown, flight: Callable[[Path], Ended]) -> None:
+@pytest.mark.parametrize("flight", [terminated, hung_up, terminated_at_take_off])
+def test_sigterm_and_a_lost_terminal_are_orders_to_come_down(
+    flown: Flown, flight: Callable[[Path], Ended]
+) -> None:
     end = flown.by(flight)
     assert end.exit_code == ExitCode.ABORTED, end
     assert end.texts[-1] == "landed and disarmed"

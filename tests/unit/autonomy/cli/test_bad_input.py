@@ -98,6 +98,16 @@ def refused(*arguments: str) -> str:
             "serial:///dev/ttyAMA0:921600",
         ),
         (
+            ["--goal", "4,3", "--connection", "udpin://0.0.0.0:99999"],
+            "the port of the connection 'udpin://0.0.0.0:99999'",
+            "from 1 to 65535",
+        ),
+        (
+            ["--goal", "4,3", "--connection", "tcpout://host:port"],
+            "the port of the connection 'tcpout://host:port'",
+            "from 1 to 65535",
+        ),
+        (
             ["--goal", "4,3", "--sim", "nowhere"],
             "there is no scenario 'nowhere'",
             "use one of default, door",
