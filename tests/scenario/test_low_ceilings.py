@@ -3,8 +3,8 @@
 import pytest
 
 from autonomy.config import Config
-from autonomy.model import Ending
-from autonomy.simulation import Command, Simulation, goal_of, with_scenario
+from autonomy.model import Command, Ending
+from autonomy.simulation import Simulation, goal_of, with_scenario
 from hal.config import Fence
 from hal.sim.scenario import Scenario
 

@@ -6,8 +6,8 @@ import msgspec
 import pytest
 
 from autonomy.config import Config
-from autonomy.model import Ending, LegKind, MissionState, Plan
-from autonomy.simulation import Command, SimulatedFlight, Simulation, goal_of, with_scenario
+from autonomy.model import Command, Ending, LegKind, MissionState, Plan
+from autonomy.simulation import SimulatedFlight, Simulation, goal_of, with_scenario
 from hal.frames import add
 from hal.sim.scenario import load_scenario, shipped_scenarios
 from hal.vehicle.guard import BeamSight, Guard, Sight
@@ -77,10 +77,14 @@ def test_the_same_seed_flies_the_same_flight_and_another_seed_another() -> None:
     assert flown("default", 1).track != first.track
 
 
-@pytest.mark.parametrize("name", ["default", "u_trap"])
-def test_every_setpoint_of_a_flight_passed_the_guard(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "ceiling_m"), [("default", None), ("u_trap", None), ("door", 1.1)]
+)
+def test_every_setpoint_of_a_flight_passed_the_guard(name: str, ceiling_m: float | None) -> None:
     """A second guard, shown at every tick what the vehicle knows then, allows what was sent."""
     scenario = load_scenario(name)
+    if ceiling_m is not None:
+        scenario = scenario.model_copy(update={"ceiling_m": ceiling_m})
     config = with_scenario(Config(), scenario)
     simulation = Simulation(scenario, config, (goal_of(scenario, config),), 0)
     second = Guard(config.guard)
