@@ -150,7 +150,7 @@ class Epochs:
         north, east, up = (
             _number(self._parts.get("GST", {}), name) for name in ("stdLat", "stdLong", "stdAlt")
         )
-        if north is not None and east is not None and up is not None:
+        if north and east and up and min(north, east, up) > 0.0:
             return math.hypot(north, east), up
         horizontal = _number(self._parts["GGA"], "HDOP")
         if horizontal is None:

@@ -1,5 +1,6 @@
 """A serial port as bytes in and one way to fail; the one door to pyserial."""
 
+import errno
 import termios
 from types import TracebackType
 from typing import Protocol, Self
@@ -59,7 +60,7 @@ class SerialPort:
         try:
             self._serial = serial.Serial(path, baud, timeout=READ_TIMEOUT_S, exclusive=True)
         except (OSError, ValueError, termios.error) as error:
-            raise PortGone(_sentence(path, error)) from None
+            raise PortGone(what_to_do(path, error)) from None
         self._path = path
 
     def read(self) -> bytes:
@@ -70,7 +71,7 @@ class SerialPort:
                 return b""
             return first + bytes(self._serial.read(min(self._serial.in_waiting, _CHUNK)))
         except (OSError, TypeError, termios.error) as error:
-            raise PortGone(_sentence(self._path, error)) from None
+            raise PortGone(what_to_do(self._path, error)) from None
 
     def set_baud(self, baud: int) -> None:
         """See `Port`."""
@@ -78,7 +79,7 @@ class SerialPort:
             self._serial.baudrate = baud
             self._serial.reset_input_buffer()
         except (OSError, ValueError, termios.error) as error:
-            raise PortGone(_sentence(self._path, error)) from None
+            raise PortGone(what_to_do(self._path, error)) from None
 
     def __enter__(self) -> Self:
         return self
@@ -95,16 +96,18 @@ class SerialPort:
             return  # the device took its port along
 
 
-def _sentence(path: str, error: Exception) -> str:
-    """What to do about it."""
-    number = error.args[0] if error.args and isinstance(error.args[0], int) else None
-    remedies = {
-        2: "there is no such device; plug it in, or correct gnss.port",
-        11: "is in use by another program (gpsd, ModemManager?); stop that one",
-        13: "may not be opened; add the user to the group dialout",
-        16: "is in use by another program (gpsd, ModemManager?); stop that one",
-        25: "is not a serial port; correct gnss.port",
-    }
-    if number in remedies:
-        return f"{path} {remedies[number]}" if number != 2 else f"{path}: {remedies[number]}"
-    return f"{path}: the device does not answer ({error})"
+def what_to_do(path: str, error: BaseException) -> str:
+    """The sentence of a PortGone: what is wrong with `path`, and the remedy."""
+    causes = (error, error.__context__)
+    numbers = [e.args[0] for e in causes if e is not None and e.args and isinstance(e.args[0], int)]
+    remedy = _REMEDIES.get(numbers[0]) if numbers else None
+    return f"{path} {remedy or f'does not answer ({error})'}"
+
+
+_REMEDIES = {
+    errno.ENOENT: "is not there; plug the receiver in, or correct gnss.port",
+    errno.EAGAIN: "is in use by another program (gpsd, ModemManager?); stop that one",
+    errno.EBUSY: "is in use by another program (gpsd, ModemManager?); stop that one",
+    errno.EACCES: "may not be opened; add the user to the group dialout",
+    errno.ENOTTY: "is not a serial port; correct gnss.port",
+}

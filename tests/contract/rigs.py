@@ -4,7 +4,9 @@ silent. A driver that is added is added here."""
 import asyncio
 import os
 import signal
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Protocol, Self
 
 import numpy as np
@@ -14,14 +16,16 @@ from _pytest.mark.structures import ParameterSet
 from autonomy.embedded import EmbeddedPx4
 from hal import registry
 from hal.clock import MonotonicClock, SimClock
-from hal.config import AutopilotGnssConfig, BeamsConfig, VehicleConfig
+from hal.config import AutopilotGnssConfig, BeamsConfig, SerialGnssConfig, VehicleConfig
 from hal.gnss.autopilot_gnss import AutopilotGnss
+from hal.gnss.serial_receiver import PortState, SerialReceiver
 from hal.interfaces import Clock, GnssReceiver, RangeSensor, Vehicle
 from hal.ranging.distance_sensor import MavlinkDistanceSensor
 from hal.sim.autopilot import Autopilot
 from hal.sim.scenario import load_scenario
 from hal.sim.vehicle import SimVehicle
 from tests.support import i2c_rig, readme_driver
+from tests.support.gnss import PtyReceiver, moved_deg, nav_pvt
 from tests.support.link import SpokenLink
 from tests.support.lockstep import LockstepTime
 
@@ -221,16 +225,73 @@ class BusRig:
         self.bench.bus.dead = False
 
 
+class SerialGnssRig(SimulatedRig):
+    """The serial receiver on a pseudo-terminal; the simulated vehicle stands beside it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._folder = tempfile.TemporaryDirectory()
+        self._device = PtyReceiver(Path(self._folder.name))
+        config = SerialGnssConfig(port=str(self._device.path), baud=38_400)
+        self.receiver = SerialReceiver(config, self.clock)
+        self.gnss: GnssReceiver | None = self.receiver
+        self._silent = False
+        self._step = 0
+        self._speaker: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> Self:
+        self._speaker = asyncio.get_running_loop().create_task(self._speak_on())
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        if self._speaker is not None:
+            self._speaker.cancel()
+            await asyncio.gather(self._speaker, return_exceptions=True)
+        await self.receiver.close()
+        self._device.unplug()
+        self._folder.cleanup()
+        await super().__aexit__()
+
+    async def pass_time(self, seconds: float) -> None:
+        before = self.receiver.fix()
+        for _ in range(round(seconds / _TICK_S)):
+            self._speak()
+            await asyncio.sleep(0.005)
+        for _ in range(1_000):  # a busy machine's thread reads late
+            receiving = self.receiver.health().state is PortState.RECEIVING
+            if self._silent or not receiving or self.receiver.fix() != before:
+                return
+            await asyncio.sleep(0.005)
+
+    def fall_silent(self) -> None:
+        self._silent = True
+
+    def speak_again(self) -> None:
+        self._silent = False
+
+    async def _speak_on(self) -> None:
+        while True:
+            self._speak()
+            await asyncio.sleep(0.005)
+
+    def _speak(self) -> None:
+        self.sim_clock.advance(_TICK_S)
+        self._step += 1
+        if not self._silent:
+            self._device.say(nav_pvt(self.clock.now_s(), latitude_deg=moved_deg(self._step)))
+
+
 IN_PROCESS: dict[str, Callable[[], Rig]] = {
     "simulated": SimulatedRig,
     "spoken": SpokenRig,
+    "serial": SerialGnssRig,
     "vl53l0x behind tca9548a": lambda: BusRig(i2c_rig.behind_a_multiplexer),
     "vl53l1x with xshut": lambda: BusRig(i2c_rig.with_xshut_lines),
     "gp2y0a21 on ads1115": lambda: BusRig(i2c_rig.on_converters),
     "mixed i2c": lambda: BusRig(i2c_rig.mixed),
     "the README's example": lambda: BusRig(readme_driver.worked_example),
 }
-ON_A_BUS = tuple(name for name in IN_PROCESS if name not in ("simulated", "spoken"))
+ON_A_BUS = tuple(name for name in IN_PROCESS if name not in ("simulated", "spoken", "serial"))
 OVER_THE_WIRE: dict[str, Callable[[EmbeddedPx4], Rig]] = {"mavsdk": MavsdkRig}
 
 

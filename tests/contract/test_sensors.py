@@ -20,7 +20,7 @@ async def rig(request: pytest.FixtureRequest) -> AsyncIterator[Rig]:
         yield built
 
 
-@pytest.fixture(params=parameters("spoken"))
+@pytest.fixture(params=parameters("spoken", "serial"))
 async def receiving(request: pytest.FixtureRequest) -> AsyncIterator[Rig]:
     """With a receiver."""
     async with build(request) as built:

@@ -148,8 +148,9 @@ def test_accuracy_comes_from_dilutions_where_gst_is_not_sent() -> None:
 
 
 @pytest.mark.parametrize("hole", ["north", "east", "up"])
-def test_a_gst_with_a_hole_is_not_believed(hole: str) -> None:
-    solution = Listener().one(gga(1.0), gst(1.0, **{hole: ""}))
+@pytest.mark.parametrize("written", ["", "0.0", "-1.0", "nan"])
+def test_a_gst_with_a_hole_is_not_believed(hole: str, written: str) -> None:
+    solution = Listener().one(gga(1.0), gst(1.0, **{hole: written}))
     assert solution.horizontal_accuracy_m == pytest.approx(3.2)
 
 
