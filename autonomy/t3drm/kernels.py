@@ -257,6 +257,109 @@ def sparse_chain(
 
 
 @kernel
+def _cells(centres: Floats, radii: Floats) -> tuple[Floats, Ints, Ints, Ints]:
+    """Discs sorted into squares as wide as the largest of them: (box, shape, heads, next).
+
+    box: (north, east) of the corner and the side; `heads` has the first disc of every square and
+    `next` the one after each disc, -1 at the end. Overlapping discs are in neighbouring squares.
+    """
+    n = centres.shape[0]
+    box = np.empty(3)
+    box[0], box[1] = centres[:, 0].min(), centres[:, 1].min()
+    wide = max(centres[:, 0].max() - box[0], centres[:, 1].max() - box[1])
+    # Never many more squares than discs, however far these are apart.
+    box[2] = max(2.0 * radii.max(), wide / (1.0 + math.sqrt(n)), 1e-9)
+    shape = np.empty(2, dtype=np.int64)
+    shape[0] = int((centres[:, 0].max() - box[0]) / box[2]) + 1
+    shape[1] = int((centres[:, 1].max() - box[1]) / box[2]) + 1
+    heads = np.full(shape[0] * shape[1], -1, dtype=np.int64)
+    following = np.empty(n, dtype=np.int64)
+    for k in range(n):
+        cell = int((centres[k, 0] - box[0]) / box[2]) * shape[1]
+        cell += int((centres[k, 1] - box[1]) / box[2])
+        following[k] = heads[cell]
+        heads[cell] = k
+    return box, shape, heads, following
+
+
+@kernel
+def _take_overlapping(
+    a: int,
+    centres: Floats,
+    radii: Floats,
+    cells: tuple[Floats, Ints, Ints, Ints],
+    labels: Ints,
+    stack: Ints,
+    size: int,
+) -> int:
+    """Move the discs that overlap disc a from the squares to the stack, the farthest on top."""
+    box, shape, heads, following = cells
+    row, column = int((centres[a, 0] - box[0]) / box[2]), int((centres[a, 1] - box[1]) / box[2])
+    begin, farthest = size, -np.inf
+    for r in range(max(0, row - 1), min(shape[0], row + 2)):
+        for c in range(max(0, column - 1), min(shape[1], column + 2)):
+            cell = r * shape[1] + c
+            before, k = -1, heads[cell]
+            while k >= 0:
+                after = following[k]
+                reach = radii[a] + radii[k]
+                dn, de = centres[k, 0] - centres[a, 0], centres[k, 1] - centres[a, 1]
+                d2 = dn * dn + de * de
+                if d2 >= reach * reach:
+                    before, k = k, after
+                    continue
+                if before < 0:
+                    heads[cell] = after
+                else:
+                    following[before] = after
+                if k != a:
+                    labels[k] = labels[a]
+                    stack[size] = k
+                    if d2 - reach * reach > farthest:
+                        farthest = d2 - reach * reach
+                        stack[begin], stack[size] = stack[size], stack[begin]
+                    size += 1
+                k = after
+    if size > begin:
+        stack[begin], stack[size - 1] = stack[size - 1], stack[begin]
+    return size
+
+
+@kernel
+def join_overlapping(centres: Floats, radii: Floats) -> tuple[Ints, Mask]:
+    """(component of every disc, sparse chain of it): as `cut_tree` and `sparse_chain` at gap 0.
+
+    Time grows with the number of discs and of those that overlap each, not with its square. A
+    disc joins the chain when it is the first to overlap discs that nobody did before; the farthest
+    of those goes on, so that a chain along a wall has one disc in about a keep-out diameter.
+    """
+    n = centres.shape[0]
+    labels = np.full(n, -1, dtype=np.int64)
+    chain = np.zeros(n, dtype=np.uint8)
+    if n == 0:
+        return labels, chain
+    cells = _cells(centres, radii)
+    stack = np.empty(n, dtype=np.int64)
+    count = 0
+    for first in range(n):
+        if labels[first] >= 0:
+            continue
+        labels[first] = count
+        count += 1
+        chain[first] = 1
+        stack[0] = first
+        size = 1
+        while size > 0:
+            size -= 1
+            a = stack[size]
+            before = size
+            size = _take_overlapping(a, centres, radii, cells, labels, stack, size)
+            if size > before:
+                chain[a] = 1
+    return labels, chain
+
+
+@kernel
 def _turn(o: Floats, a: Floats, b: Floats) -> float:
     return float((a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]))
 
@@ -414,7 +517,12 @@ def tangent(
 @kernel
 def ahead(sense: float, from_rad: float, to_rad: float) -> float:
     """Angle in [0, tau) from one direction to the other in the given sense; ties are 0."""
-    angle = (sense * (to_rad - from_rad)) % TAU
+    angle = sense * (to_rad - from_rad)
+    # Bearings differ by less than two turns: this is `% TAU`, several times faster.
+    while angle < 0.0:
+        angle += TAU
+    while angle >= TAU:
+        angle -= TAU
     return 0.0 if angle > TAU - TIE_RAD else angle
 
 
@@ -439,8 +547,11 @@ def _edge_is_free(
     ends: Floats,
     circles: Floats,
     planes: Floats,
+    begin: int,
 ) -> bool:
-    """True when the tangent cuts no circle but its own two and stays in the fence."""
+    """True when the tangent cuts no circle from number `begin` on but its own two, and stays in
+    the fence.
+    """
     an, ae, bn, be = ends[0], ends[1], ends[2], ends[3]
     for p in range(planes.shape[0]):
         if (
@@ -448,7 +559,7 @@ def _edge_is_free(
             < planes[p, 2] - TOUCH_M
         ):
             return False
-    for k in range(2, circles.shape[0]):
+    for k in range(begin, circles.shape[0]):
         if k not in (first, second):
             keep = circles[k, 2] - TOUCH_M
             if segment_distance2(circles[k, 0], circles[k, 1], an, ae, bn, be) < keep * keep:
@@ -548,8 +659,10 @@ def _push(keys: Floats, items: Ints, size: int, key: float, item: int) -> tuple[
     return keys, items, size + 1
 
 
-# Columns of the table of directed tangents.
-_LENGTH, _DEPART, _AN, _AE, _BN, _BE, _COST = 0, 1, 2, 3, 4, 5, 6
+# Columns of the table of directed tangents. A row holds until the search ends, its cost for one
+# round; it is known to cut none of the first _FREE circles.
+_LENGTH, _DEPART, _AN, _AE, _BN, _BE, _COST, _ROUND, _FREE = 0, 1, 2, 3, 4, 5, 6, 7, 8
+_COLUMNS = 9
 
 
 @kernel
@@ -606,6 +719,8 @@ def _lay_all(
     cost: float,
     reach: float,
     edge: int,
+    turn: int,
+    side: int,
     table: Floats,
     state: Mask,
     came: Ints,
@@ -613,11 +728,10 @@ def _lay_all(
 ) -> tuple[Floats, Ints, int]:
     """Queue every tangent that leaves oriented circle `o` within `reach` of where it was met."""
     keys, items, size = queue
-    side = 2 * circles.shape[0]
     i = o >> 1
     radius = circles[i, 2]
     sense = -1.0 if o & 1 else 1.0
-    for o2 in range(2, side):
+    for o2 in range(2, 2 * circles.shape[0]):
         # The goal has no sense: only its even number is used.
         if o2 >> 1 == i or o2 == 3:
             continue
@@ -625,9 +739,13 @@ def _lay_all(
         row = table[following]
         if state[following] == 0:
             state[following] = 1 if _lay_tangent(circles, o, o2, row) else 2
-            row[_COST] = np.inf
+            row[_ROUND] = 0.0
+            row[_FREE] = 2.0
         if state[following] == 2:
             continue
+        if row[_ROUND] != turn:
+            row[_ROUND] = turn
+            row[_COST] = np.inf
         arc = 0.0 if i == 0 else ahead(sense, at_rad, row[_DEPART])
         new = cost + radius * arc + row[_LENGTH]
         if arc <= reach and new < row[_COST] - 1e-12:
@@ -639,24 +757,25 @@ def _lay_all(
 
 
 @kernel
-def solve_tangents(circles: Floats, planes: Floats) -> tuple[bool, Ints, Floats]:
-    """Shortest path over common tangents and arcs: (found, chain of directed tangents, table).
+def solve_tangents(
+    circles: Floats, planes: Floats, turn: int, side: int, table: Floats, state: Mask, came: Ints
+) -> tuple[bool, Ints]:
+    """Shortest path over common tangents and arcs: (found, chain of directed tangents).
 
     circles: rows (north, east, radius); row 0 is the start and row 1 the goal, radius 0.
     planes: rows (a, b, c): a path stays where a n + b e >= c (convex fence), may be empty.
-    A directed tangent is o1 * 2m + o2 with o = 2 * circle + (sense is -1). A* over arrivals with
+    A directed tangent is o1 * side + o2 with o = 2 * circle + (sense is -1). A* over arrivals with
     the straight line as bound; a tangent is checked only when it is taken from the queue, and an
     arrival that an earlier one reaches along its circle at no more cost is not expanded.
+    table, state (1: laid, 2: there is none or it is blocked) and came are kept from one round
+    (`turn`, from 1) to the next: circles are only added, so what is blocked stays blocked, and
+    what was free needs a check against the new ones alone.
     """
-    side = 2 * circles.shape[0]
-    table = np.empty((side * side, 7))
-    state = np.zeros(side * side, dtype=np.uint8)  # 1: laid, 2: there is none or it is blocked
-    came = np.empty(side * side, dtype=np.int64)
     bars, bar_counts = _barred_bearings(circles, planes)
-    arrivals = np.empty((side, 8, 3))
-    arrival_counts = np.zeros(side, dtype=np.int64)
+    arrivals = np.empty((2 * circles.shape[0], 8, 3))
+    arrival_counts = np.zeros(2 * circles.shape[0], dtype=np.int64)
     queue = (np.empty(256), np.empty(256, dtype=np.int64), 0)
-    queue = _lay_all(circles, 0, 0.0, 0.0, TAU, -1, table, state, came, queue)
+    queue = _lay_all(circles, 0, 0.0, 0.0, TAU, -1, turn, side, table, state, came, queue)
     while queue[2] > 0:
         keys, items, size = queue
         edge = items[0]
@@ -670,15 +789,33 @@ def solve_tangents(circles: Floats, planes: Floats) -> tuple[bool, Ints, Floats]
         cost, at_rad = row[_COST], _arrival(circles, i, row)
         if o != 2 and _dominated(arrivals, arrival_counts, o, circles[i, 2], at_rad, cost):
             continue
-        if not _edge_is_free((edge // side) >> 1, i, row[_AN : _BE + 1], circles, planes):
+        begin = int(row[_FREE])
+        if not _edge_is_free((edge // side) >> 1, i, row[_AN : _BE + 1], circles, planes, begin):
             state[edge] = 2
             continue
+        row[_FREE] = circles.shape[0]
         if o == 2:
-            return True, _chain(came, edge), table
+            return True, _chain(came, edge)
         reach = _reach(bars, bar_counts, i, -1.0 if o & 1 else 1.0, at_rad)
         _remember(arrivals, arrival_counts, o, at_rad, cost, reach)
-        queue = _lay_all(circles, o, at_rad, cost, reach, edge, table, state, came, queue)
-    return False, np.empty(0, dtype=np.int64), table
+        queue = _lay_all(
+            circles, o, at_rad, cost, reach, edge, turn, side, table, state, came, queue
+        )
+    return False, np.empty(0, dtype=np.int64)
+
+
+@kernel
+def _wider(side: int, table: Floats, state: Mask, new: int) -> tuple[Floats, Mask, Ints]:
+    """The table of directed tangents with room for `new` oriented circles instead of `side`."""
+    more_table = np.empty((new * new, _COLUMNS))
+    more_state = np.zeros(new * new, dtype=np.uint8)
+    for o in range(side):
+        for o2 in range(side):
+            kept = state[o * side + o2]
+            more_state[o * new + o2] = kept
+            if kept == 1:
+                more_table[o * new + o2] = table[o * side + o2]
+    return more_table, more_state, np.empty(new * new, dtype=np.int64)
 
 
 @kernel
@@ -702,9 +839,8 @@ ROW_AN, ROW_AE, ROW_BN, ROW_BE, ROW_DISC, ROW_SWEEP = 0, 1, 2, 3, 4, 5
 
 
 @kernel
-def _rows(chain: Ints, table: Floats, circles: Floats, active: Ints) -> Floats:
+def _rows(chain: Ints, side: int, table: Floats, circles: Floats, active: Ints) -> Floats:
     """The chain as rows (from, to, disc, signed sweep): tangent segments and arcs in turn."""
-    side = 2 * circles.shape[0]
     rows = np.empty((2 * chain.shape[0], 6))
     count = 0
     for c in range(chain.shape[0]):
@@ -853,6 +989,8 @@ def lazy_route(
     rows[0, ROW_DISC] = -1.0
     count = 0
     rounds = 0
+    side = 0
+    table, state, came = _wider(0, rows, flags, 0)
     while True:
         before = count
         count = _add_cut_discs(rows, centres, radii, labels, chain, active, flags, count)
@@ -866,10 +1004,32 @@ def lazy_route(
         for a in range(count):
             circles[a + 2, 0:2] = centres[active[a]]
             circles[a + 2, 2] = radii[active[a]]
-        found, path, table = solve_tangents(circles, planes)
+        if 2 * circles.shape[0] > side:
+            room = 3 * circles.shape[0]
+            table, state, came = _wider(side, table, state, room)
+            side = room
+        found, path = solve_tangents(circles, planes, rounds, side, table, state, came)
         if not found:
             return CLOSED, none, active[:count], rounds
-        rows = _rows(path, table, circles, active)
+        rows = _rows(path, side, table, circles, active)
+
+
+@kernel
+def route_from_scratch(
+    ends: Floats, centres: Floats, radii: Floats, planes: Floats, active_max: int
+) -> tuple[int, Floats, Ints, int]:
+    """`lazy_route` over discs that nothing is known about; only what is in the way costs time.
+
+    Components are not looked for when the straight way is free.
+    """
+    labels = np.zeros(centres.shape[0], dtype=np.int64)
+    chain = np.zeros(centres.shape[0], dtype=np.uint8)
+    row = np.array([ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1], -1.0, 0.0])
+    for k in range(centres.shape[0]):
+        if _depth(row, centres, radii, k) > CUT_M:
+            labels, chain = join_overlapping(centres, radii)
+            break
+    return lazy_route(ends, centres, radii, labels, chain, planes, active_max)
 
 
 # ---------------------------------------------------------------- out of the keep-out

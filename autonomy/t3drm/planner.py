@@ -45,6 +45,7 @@ from autonomy.t3drm.spherical import (
     Segment,
     fence_planes,
     route_among,
+    shortest_path,
 )
 from hal.config import Fence
 
@@ -535,4 +536,5 @@ def warm_up() -> None:
     polygon = np.array(bent.polygon_ne_m)
     for convex in (True, False):
         geodesic((0.0, -2.0), (4.0, -0.9), wall, 0.2, polygon, 0.1, convex=convex)
+    shortest_path((0.0, 0.0), (4.0, 0.1), wall, np.full(wall.shape[0], 0.2))
     Discs.of(wall, np.full(wall.shape[0], 0.2))

@@ -107,11 +107,8 @@ class Discs(msgspec.Struct, frozen=True):
 
     @classmethod
     def of(cls, centres: Floats, radii: Floats) -> "Discs":
-        """Any discs; overlapping ones are one component (O(n^2))."""
-        order, parent, gap = kernels.spanning_tree(centres, radii)
-        labels, _ = kernels.cut_tree(order, parent, gap, 0.0)
-        chain = kernels.sparse_chain(order, parent, gap, 0.0, centres, radii)
-        return cls(centres, radii, labels, chain)
+        """Any discs; overlapping ones are one component."""
+        return cls(centres, radii, *kernels.join_overlapping(centres, radii))
 
 
 _REASONS = {
@@ -213,7 +210,7 @@ def route_among(
 ) -> Route | NoRoute:
     """`shortest_path` over discs that were made ready before."""
     ends = np.array((start, goal))
-    status, rows, active, rounds = kernels.lazy_route(
+    found = kernels.lazy_route(
         ends,
         discs.centres,
         discs.radii,
@@ -222,11 +219,7 @@ def route_among(
         planes,
         active_max,
     )
-    deciding = tuple(int(k) for k in active)
-    if status != kernels.FOUND:
-        return NoRoute(_REASONS[status], deciding)
-    pieces = tuple(_piece(row, discs) for row in rows.tolist())
-    return Route(pieces, sum(piece.length_m for piece in pieces), deciding, int(rounds))
+    return _result(found, discs.centres, discs.radii)
 
 
 def shortest_path(
@@ -243,15 +236,26 @@ def shortest_path(
     convex fence (`fence_planes`) that the path stays inside. A gap of exactly the sum of two radii
     is passable. A start or goal inside a disc is a NoRoute with its reason, on its circle is free.
     """
-    return route_among(start, goal, Discs.of(centres, radii), planes, active_max)
+    ends = np.array((start, goal))
+    found = kernels.route_from_scratch(ends, centres, radii, planes, active_max)
+    return _result(found, centres, radii)
 
 
-def _piece(row: list[float], discs: Discs) -> Segment | Arc:
+def _result(
+    found: tuple[int, Floats, Ints, int], centres: Floats, radii: Floats
+) -> Route | NoRoute:
+    status, rows, active, rounds = found
+    deciding = tuple(active.tolist())
+    if status != kernels.FOUND:
+        return NoRoute(_REASONS[status], deciding)
+    pieces = tuple(_piece(row, centres, radii) for row in rows.tolist())
+    return Route(pieces, sum(piece.length_m for piece in pieces), deciding, int(rounds))
+
+
+def _piece(row: list[float], centres: Floats, radii: Floats) -> Segment | Arc:
     start, end = (row[0], row[1]), (row[2], row[3])
     disc = int(row[4])
     if disc < 0:
         return Segment(start, end)
-    centre = discs.centres[disc]
-    return Arc(
-        start, end, (float(centre[0]), float(centre[1])), float(discs.radii[disc]), row[5], disc
-    )
+    north, east = centres[disc].tolist()
+    return Arc(start, end, (north, east), float(radii[disc]), row[5], disc)
