@@ -115,6 +115,16 @@ def test_what_is_abandoned_is_not_continued() -> None:
     assert (framer.broken_off, framer.bytes_dropped) == (1, len(FRAMES[0]))
 
 
+def test_a_line_end_belongs_to_its_sentence_and_to_no_other() -> None:
+    framer = Framer()
+    framer.feed(bare(FRAMES[0]) + b"\n\n", 0.0)
+    assert framer.bytes_dropped == 1
+    framer.feed(bare(FRAMES[0]) + b"\r", 0.0)
+    framer.abandon()
+    framer.feed(b"\n", 0.0)
+    assert framer.bytes_dropped == 2
+
+
 PIECES = st.one_of(
     st.sampled_from(FRAMES),
     st.binary(max_size=40),

@@ -184,6 +184,11 @@ def test_a_receiver_without_time_still_tells_that_it_has_no_fix() -> None:
     assert (solution.fix_type, solution.epoch_s) == (FixType.NO_FIX, None)
 
 
+def test_epochs_without_time_are_told_one_by_one() -> None:
+    listener = Listener()
+    assert [len(listener.hear(gnss.no_fix_gga())) for _ in range(4)] == [0, 1, 1, 2]
+
+
 FIELD = st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters="$*,"))
 
 

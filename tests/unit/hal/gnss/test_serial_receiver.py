@@ -25,7 +25,7 @@ from hal.gnss.serial_receiver import (
     PortState,
     SerialReceiver,
 )
-from tests.support.gnss import gsa, moved_deg, nav_pvt
+from tests.support.gnss import gga, gsa, moved_deg, nav_pvt, rmc
 
 # ---------------------------------------------------------------- the search
 
@@ -60,6 +60,17 @@ def test_a_frame_ends_the_search_and_silence_begins_it_with_the_same_rate() -> N
     assert (search.baud, search.found, search.passes) == (9_600, False, 0)
     assert search.hear(0, 0, 4.0 + LISTEN_S)
     assert search.baud == 38_400
+
+
+def test_a_pass_counts_from_the_last_frame() -> None:
+    search = BaudSearch((9_600, 38_400, 115_200), 3.0)
+    search.begin(0.0)
+    search.hear(GARBAGE_BYTES, 0, 0.1)
+    search.hear(100, 1, 0.2)
+    search.hear(0, 0, 3.3)
+    changes = [search.hear(GARBAGE_BYTES, 0, 3.4 + 0.1 * step) for step in range(3)]
+    assert changes == [True, True, True]
+    assert (search.passes, search.baud) == (1, 38_400)
 
 
 def test_a_fixed_rate_is_never_changed() -> None:
@@ -231,6 +242,25 @@ async def test_a_port_that_stays_open_and_silent_is_searched_anew_and_tells_noth
     assert bench.receiver.health().state is PortState.SEARCHING
     assert bench.receiver.health().passes >= 1
     assert set(bench.ports[0].rates) == set(RATES)
+    await bench.receiver.close()
+
+
+async def test_silence_after_a_burst_ends_its_epoch() -> None:
+    bench = Bench(iter([(0.5, gga(1.0) + rmc(1.0)), (0.1, b"")]))
+    await bench.receiver.open(10.0)
+    fix = bench.receiver.fix()
+    assert fix is not None
+    assert fix.stamp_s == pytest.approx(100.4)
+    await bench.receiver.close()
+
+
+async def test_a_device_with_a_loose_contact_is_not_waited_for_longer_and_longer() -> None:
+    gone = PortGone("/dev/receiver does not answer")
+    contacts = [iter([*epochs(10 * n, 10 * n + 1), (0.1, gone)]) for n in range(16)]
+    bench = Bench(*contacts, reopen_max_s=60.0)
+    await bench.receiver.open(10.0)
+    await bench.until_done()
+    assert bench.receiver.health().times_gone == 16
     await bench.receiver.close()
 
 

@@ -113,10 +113,15 @@ def test_a_fix_that_comes_back_must_hold_before_it_is_told() -> None:
 def test_a_leap_to_a_better_type_is_told_with_the_worse_accuracy_until_it_holds() -> None:
     judging = judge(confirm_fixes=3)
     told(judging, claim(0))
-    fixed = {"fix_type": FixType.RTK_FIXED, "horizontal_accuracy_m": 0.01}
+    fixed = {
+        "fix_type": FixType.RTK_FIXED,
+        "horizontal_accuracy_m": 0.01,
+        "vertical_accuracy_m": 0.02,
+    }
     fixes = [told(judging, claim(step, **fixed)) for step in (1, 2, 3)]
     assert [fix.fix_type for fix in fixes] == [FixType.FIX_3D, FixType.FIX_3D, FixType.RTK_FIXED]
     assert [fix.horizontal_accuracy_m for fix in fixes] == [0.9, 0.9, 0.01]
+    assert [fix.vertical_accuracy_m for fix in fixes] == [1.8, 1.8, 0.02]
     assert fixes[0].latitude_deg == claim(1).latitude_deg
     assert judging.leaps == 2
 
@@ -178,6 +183,13 @@ def test_a_clock_that_stands_still_never_insists() -> None:
         assert (fix is None) is (step > 0)
 
 
+def test_a_clock_that_errs_now_and_then_never_insists() -> None:
+    judging = judge()
+    for step in range(0, 40, 2):
+        told(judging, claim(step))
+        assert judging.take(claim(step + 1, epoch_s=30_000.0 + step)) is None
+
+
 def test_a_backlog_is_not_told_as_new() -> None:
     judging = judge()
     for step in range(5):
@@ -225,3 +237,11 @@ def test_a_place_that_was_left_and_met_again_is_not_frozen() -> None:
     for step in range(20):
         told(judging, claim(step, latitude_deg=LATITUDE_DEG + (step % 2) * 1e-7))
     assert judging.frozen == 0
+
+
+def test_a_place_found_again_after_a_loss_is_not_frozen() -> None:
+    judging = judge(frozen_after_s=3.0)
+    told(judging, claim(0, latitude_deg=LATITUDE_DEG))
+    for step in range(1, 8):
+        told(judging, claim(step, fix_type=LOST))
+    assert told(judging, claim(8, latitude_deg=LATITUDE_DEG)).fix_type is FixType.FIX_3D
