@@ -40,8 +40,9 @@ format: .venv/.dev ## rewrite the sources in the house style
 	$(BIN)/ruff check --fix-only .
 	$(BIN)/ruff format .
 
-bench: .venv/.dev ## measure: planner, one tick, simulator
-	$(BIN)/python -m tools.bench
+bench: .venv/.dev ## measure flights and planners, renew tools/bench/README.md [BARN=folder]
+	$(BIN)/python -m pip install -q --prefer-binary -e ".[dev,bench]"
+	$(BIN)/python -m tools.bench --write $(if $(BARN),--barn $(BARN))
 
 clean: ## remove the environment and everything that was generated
 	rm -rf .venv build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -1,6 +1,29 @@
-"""`make bench`: the flights in process, as a table. See tools/bench/README.md."""
+"""`make bench`: flights in process, then planners on known maps. See tools/bench/README.md."""
 
-from tools.bench.flights import main
+import argparse
+
+from hal.sim.scenario import shipped_scenarios
+from tools.bench import flights, planners, report
+
+
+def main() -> None:
+    """Parse, fly, plan, print; with --write the page is renewed as well."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.bench", description=__doc__, allow_abbrev=False
+    )
+    planners.add_arguments(parser)
+    parser.add_argument("--seeds", type=int, default=20, help="flights of every scenario")
+    parser.add_argument("--jobs", type=int, default=2, help="processes that fly")
+    options = parser.parse_args()
+    names = list(shipped_scenarios())
+    section = report.flight_section(
+        flights.campaign(names, range(options.seeds), "stop", options.jobs)
+    )
+    print(section)
+    if options.write:
+        report.renew("flights", section)
+    planners.run(options)
+
 
 if __name__ == "__main__":
     main()

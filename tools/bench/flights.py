@@ -87,6 +87,22 @@ def _percentile(values: list[float], fraction: float) -> float:
     return values[min(len(values) - 1, int(fraction * len(values)))]
 
 
+def campaign(names: list[str], seeds: range, mode: str, jobs: int) -> list[Row]:
+    """Fly every scenario with every seed; what did not reach its goal is named as it comes."""
+    warm_up()
+    rows = []
+    with ProcessPoolExecutor(jobs) as pool:
+        futures = [pool.submit(fly, name, seed, mode) for name in names for seed in seeds]
+        for future in futures:
+            row = future.result()
+            rows.append(row)
+            if row.collided or row.ending != "goal_reached":
+                print(
+                    f"{row.scenario} seed {row.seed}: {row.ending}, clearance {row.clearance_m:.3f}"
+                )
+    return rows
+
+
 def main() -> None:
     """Parse, fly, print."""
     parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
@@ -99,19 +115,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
     names = options.scenario or list(shipped_scenarios())
-    warm_up()
     seeds = range(options.first_seed, options.first_seed + options.seeds)
-    with ProcessPoolExecutor(options.jobs) as pool:
-        futures = [pool.submit(fly, name, seed, options.mode) for name in names for seed in seeds]
-        rows = []
-        for future in futures:
-            row = future.result()
-            rows.append(row)
-            if row.collided or row.ending != "goal_reached":
-                print(
-                    f"{row.scenario} seed {row.seed}: {row.ending}, clearance {row.clearance_m:.3f}"
-                )
-    print(table(rows))
+    print(table(campaign(names, seeds, options.mode, options.jobs)))
 
 
 if __name__ == "__main__":

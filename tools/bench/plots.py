@@ -111,10 +111,14 @@ def _one_planner(axes: Any, name: str, trials: Sequence[Trial]) -> None:
         markersize=9 if own else 6.5, markeredgecolor="white", markeredgewidth=0.8,
         elinewidth=1.0, ecolor=(*mpl.colors.to_rgb(colour_of(name)), 0.45), zorder=5 if own else 3,
     )  # fmt: skip
-    note = name.split("(")[1].rstrip(")") if "(" in name else ""
-    if note:
+    note = {
+        "known discs": "discs",
+        "planning step (arcs)": "step",
+        "planning step (conics)": "step, conics",
+    }
+    if own:
         axes.annotate(
-            f"step, {note}", (x, y), (9, 5 if note == "conics" else -11),
+            note[name.split(", ", 1)[1]], (x, y), (6, -13 if name.endswith("(conics)") else 8),
             textcoords="offset points", fontsize=7.5, color=colour_of(name),
         )  # fmt: skip
 
@@ -136,6 +140,7 @@ def _budget_lines(axes: Any, trials: Sequence[Trial]) -> None:
 def success(trials: Sequence[Trial], path: Path) -> None:
     """Bars: the share of maps on which a path passed the check."""
     names = [n for n in dict.fromkeys(t.planner for t in trials) if n != "exact optimum"]
+    names.sort(key=lambda n: not n.startswith("T3DRM"))
     kinds = [k for k in KINDS if any(kind_of(t.family) == k for t in trials)]
     figure, axes = plt.subplots(figsize=(7.6, 0.42 * len(names) + 1.2), layout="constrained")
     for row, name in enumerate(reversed(names)):
@@ -218,19 +223,21 @@ def gallery(chosen: Sequence[Family], path: Path) -> None:
     """A few maps with the paths of the quick planners."""
     if not chosen:
         return
+    problems = [family.draw(_telling(family)) for family in chosen]
+    shapes = [(p.high[1] - p.low[1]) / (p.high[0] - p.low[0]) for p in problems]
     figure, grid = plt.subplots(
-        1, len(chosen), figsize=(3.6 * len(chosen), 4.3), squeeze=False, layout="constrained"
-    )
+        1, len(chosen), figsize=(4.0 * sum(shapes), 4.6), squeeze=False, layout="constrained",
+        width_ratios=shapes,
+    )  # fmt: skip
     used: dict[str, Any] = {}
-    for axes, family in zip(grid.flat, chosen, strict=True):
-        problem = family.draw(_telling(family))
+    for axes, family, problem in zip(grid.flat, chosen, problems, strict=True):
         _map(axes, problem)
         for planner in (
-            AStar(),
+            TangentRoute(),
             ThetaStar(),
+            AStar(),
             AntColony(np.random.default_rng(0)),
             PotentialField(),
-            TangentRoute(),
         ):
             route = planner.plan(problem).path
             if route is not None:
@@ -276,6 +283,6 @@ def _map(axes: Any, problem: Map) -> None:
 def _route(axes: Any, route: Floats, name: str) -> Any:
     own = name == "T3DRM"
     return axes.plot(
-        route[:, 1], route[:, 0], color=COLOURS[name], linewidth=2.4 if own else 1.3,
-        zorder=8 if own else 5,
+        route[:, 1], route[:, 0], color=COLOURS[name], linewidth=4.5 if own else 1.2,
+        alpha=0.75 if own else 1.0, zorder=4 if own else 6, solid_capstyle="round",
     )[0]  # fmt: skip

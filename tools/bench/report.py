@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from autonomy import __version__
+from tools.bench import flights
 from tools.bench.baselines.exact import ExactOptimum
 from tools.bench.maps import RANDOM_FAMILIES, Family
 from tools.bench.planners import (
@@ -27,7 +28,6 @@ from tools.bench.planners import (
 HERE = Path(__file__).resolve().parent
 README = HERE / "README.md"
 KINDS = ("discs", "walls", "walls and discs", "BARN")
-FLIGHT_READY_S = 0.1
 
 
 def kind_of(family: str) -> str:
@@ -79,6 +79,11 @@ def _processor() -> str:
         lines = []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.machine()
+
+
+def flight_section(rows: list[flights.Row]) -> str:
+    """The flights' table with its date."""
+    return f"{stamp()}\n\n{flights.table(rows)}"
 
 
 # ---------------------------------------------------------------- who is first

@@ -1,6 +1,5 @@
 """The same judge for every planner: is the path free, how long is it, how fast may it be flown?"""
 
-import itertools
 import math
 from dataclasses import dataclass
 
@@ -14,6 +13,8 @@ Floats = NDArray[np.float64]
 CLEARANCE_TOLERANCE_M = 1e-3
 """What a path may take from a keep-out: what the planner's sampled curves are allowed to."""
 END_TOLERANCE_M = 1e-6
+SEGMENTS_AT_ONCE = 256
+"""Bounds the memory of the check."""
 CORNER_M = 0.005
 """How far a flown corner may cut inside the drawn one when its bend is measured."""
 
@@ -36,12 +37,16 @@ def spare_m(path: Floats, centres: Floats, reach_m: Floats) -> float:
     if reach_m.shape[0] == 0:
         return math.inf
     least = math.inf
-    for a, b in itertools.pairwise(path):
-        way = b - a
-        length2 = float(way @ way)
-        share = np.clip((centres - a) @ way / length2, 0.0, 1.0) if length2 > 0.0 else 0.0
-        nearest = a + np.multiply.outer(share, way) if length2 > 0.0 else a
-        least = min(least, float((np.hypot(*(centres - nearest).T) - reach_m).min()))
+    for first in range(0, path.shape[0] - 1, SEGMENTS_AT_ONCE):
+        a = path[first : first + SEGMENTS_AT_ONCE]
+        b = path[first + 1 : first + 1 + SEGMENTS_AT_ONCE]
+        a = a[: b.shape[0], None, :]
+        way = b[:, None, :] - a
+        length2 = np.maximum((way**2).sum(axis=2), np.finfo(np.float64).tiny)
+        share = np.clip(((centres - a) * way).sum(axis=2) / length2, 0.0, 1.0)
+        away = centres - a - share[:, :, None] * way
+        gaps = np.hypot(away[:, :, 0], away[:, :, 1]) - reach_m
+        least = min(least, float(gaps.min()))
     return least
 
 
