@@ -187,29 +187,32 @@ def spanning_tree(centres: Floats, radii: Floats) -> tuple[Ints, Ints, Floats]:
     order = np.empty(n, dtype=np.int64)
     parent = np.full(n, -1, dtype=np.int64)
     gap = np.full(n, np.inf)
-    open_ids = np.arange(n)
-    current = 0
-    left = n
-    while left > 0:
-        # The chosen one leaves the open list by taking the last one's place.
-        at = 0 if left == n else current
-        i = open_ids[at]
-        order[n - left] = i
-        left -= 1
-        open_ids[at] = open_ids[left]
+    # Those still open lie side by side, so that the first of the two loops is vectorised.
+    north, east, own = centres[:, 0].copy(), centres[:, 1].copy(), radii.copy()
+    ids = np.arange(n)
+    near = np.full(n, np.inf)
+    by = np.full(n, -1, dtype=np.int64)
+    at = 0
+    for left in range(n - 1, -1, -1):
+        i = ids[at]
+        order[n - 1 - left] = i
+        parent[i], gap[i] = by[at], near[at]
+        cn, ce, r = north[at], east[at], own[at]
+        # The chosen one leaves: the last one takes its place.
+        north[at], east[at], own[at] = north[left], east[left], own[left]
+        ids[at], near[at], by[at] = ids[left], near[left], by[left]
+        for k in range(left):
+            dn, de = north[k] - cn, east[k] - ce
+            w = math.sqrt(dn * dn + de * de) - r - own[k]
+            closer = w < near[k]
+            near[k] = w if closer else near[k]
+            by[k] = i if closer else by[k]
         best = np.inf
-        cn, ce, r = centres[i, 0], centres[i, 1], radii[i]
-        current = 0
-        for at in range(left):
-            k = open_ids[at]
-            dn, de = centres[k, 0] - cn, centres[k, 1] - ce
-            w = math.sqrt(dn * dn + de * de) - r - radii[k]
-            if w < gap[k]:
-                gap[k] = w
-                parent[k] = i
-            if gap[k] < best:
-                best = gap[k]
-                current = at
+        at = 0
+        for k in range(left):
+            if near[k] < best:
+                best = near[k]
+                at = k
     return order, parent, gap
 
 

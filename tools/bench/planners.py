@@ -375,7 +375,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--barn", type=Path, help="folder with the BARN worlds (worlds.json)")
     parser.add_argument("--maps", type=int, default=100, help="maps of every family")
     parser.add_argument(
-        "--sampling-maps", type=int, default=10, help="maps of every family for RRT* and BIT*"
+        "--sampling-maps", type=int, default=6, help="maps of every family for RRT* and BIT*"
     )
     parser.add_argument("--write", action="store_true", help="renew tools/bench/README.md")
 

@@ -18,6 +18,7 @@ from tools.bench.planners import (
     BUDGETS_S,
     LATERAL_M_S2,
     SPEEDS_M_S,
+    WITHIN,
     Campaign,
     Growth,
     Reach,
@@ -106,6 +107,7 @@ def verdicts(measured: Campaign) -> list[str]:
         + (", ".join(rivals) if rivals else "nobody")
         + "."
     )
+    lines += _against_budgets(measured.trials)
     barred = [r for r in measured.reaches if not r.direct]
     if barred:
         factors = [r.seconds / r.t3drm_seconds for r in _best_of_each_map(barred)]
@@ -124,6 +126,35 @@ def verdicts(measured: Campaign) -> list[str]:
                 f"takes {1e3 * seconds:.3f} ms, T3DRM {1e3 * ours:.3f} ms."
             )
     return ["\n".join(lines)]
+
+
+def _against_budgets(trials: Sequence[Trial]) -> list[str]:
+    """Per kind of map: the smallest budget that is within 1 % at the median, over T3DRM's time."""
+    factors = []
+    for kind in KINDS:
+        mine = [t for t in trials if kind_of(t.family) == kind]
+        names = dict.fromkeys(t.planner for t in mine if t.planner[:4] in ("RRT*", "BIT*"))
+        budgets = [
+            (percentile([t.seconds for t in _of(mine, name)], 50), name)
+            for name in names
+            if percentile(_endless(_of(mine, name)), 50) <= WITHIN
+        ]
+        if budgets:
+            own = percentile([t.seconds for t in _of(mine, TangentRoute.name)], 50)
+            seconds, name = min(budgets)
+            factors.append(f"{kind} {seconds / own:.0f} ({name})")
+    if not factors:
+        return []
+    line = (
+        "- Time of the quickest sampling planner whose median is within 1 % of the optimum, "
+        f"divided by T3DRM's median: {', '.join(factors)}."
+    )
+    return [line]
+
+
+def _endless(trials: Sequence[Trial]) -> list[float]:
+    """Length ratios, a failure counting as endless."""
+    return [math.inf if t.ratio is None else t.ratio for t in trials]
 
 
 def _as_fast(trials: Sequence[Trial]) -> list[str]:
@@ -178,7 +209,7 @@ def race_table(trials: Sequence[Trial]) -> str:
 
 def _rank(trials: Sequence[Trial]) -> tuple[bool, float, float]:
     """The yardstick on top, then by median length, a failure counting as endless; then by time."""
-    ratios = [math.inf if t.ratio is None else t.ratio for t in trials]
+    ratios = _endless(trials)
     quick = percentile([t.seconds for t in trials], 50)
     middle = percentile(ratios, 50)
     return trials[0].planner != ExactOptimum.name, round(middle, 5), quick
@@ -213,7 +244,7 @@ def family_table(measured: Campaign) -> str:
     for family in dict.fromkeys(t.family for t in measured.trials):
         mine = [t for t in measured.trials if t.family == family]
         own = _of(mine, TangentRoute.name)
-        ratios = [math.inf if t.ratio is None else t.ratio for t in own]
+        ratios = _endless(own)
         times = [_ms(1e3 * percentile([t.seconds for t in own], p)) for p in (50, 95, 99)]
         others = [
             _ms(1e3 * percentile([t.seconds for t in _of(mine, name)], 50))

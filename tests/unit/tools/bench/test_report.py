@@ -59,6 +59,17 @@ def test_the_head_start_counts_the_quicker_planner_of_each_barred_map() -> None:
     assert "On the 1 maps whose straight way is free" in said
 
 
+def test_a_budget_counts_only_when_its_median_is_within_one_percent() -> None:
+    trials = (
+        *(Trial("BARN", n, OWN, 1.0, 0.001) for n in range(3)),
+        *(Trial("BARN", n, "BIT*, 10 ms", r, 0.01) for n, r in enumerate((1.0, 1.2, None))),
+        *(Trial("BARN", n, "BIT*, 100 ms", r, 0.1) for n, r in enumerate((1.0, 1.009, None))),
+        *(Trial("BARN", n, "RRT*, 1000 ms", 1.0, 1.0) for n in range(3)),
+    )
+    said = report.verdicts(Campaign(trials, (), (), ()))[0]
+    assert "BARN 100 (BIT*, 100 ms)" in said
+
+
 def test_the_slope_of_a_curve_is_its_exponent() -> None:
     curve = tuple(Growth(n, "square", n * n * 1e-6) for n in (10, 100, 1000))
     assert report.slope(curve, "square") == pytest.approx(2.0)
