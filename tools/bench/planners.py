@@ -291,7 +291,7 @@ def grow(count: int, seeds: int) -> Iterator[Growth]:
     """Median times with `count` obstacles of which 20 may be in the way."""
     curves: dict[str, list[float]] = {}
     for number in range(seeds):
-        problem = spread_map(count, np.random.default_rng((count, number)))
+        problem = spread_map(count, np.random.default_rng(number))
         planes = fence_planes(corners_of(problem))
         if planes is None:
             raise ValueError("a rectangle is convex")
