@@ -63,7 +63,7 @@ def test_a_killed_flight_is_readable_to_within_a_second(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_ends_recording_and_says_so(tmp_path: Path) -> None:
-    with child(tmp_path / "a.mcap", limit_bytes=30_000) as process:
+    with child(tmp_path / "a.mcap", limit_bytes=120000) as process:
         said, _ = process.communicate(timeout=60)
     failure, landed = said.splitlines()[-2:]
     assert failure.endswith("recording ended before the flight did (File too large)")
