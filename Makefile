@@ -11,7 +11,7 @@ JOBS ?= 2
 QUICK := tests/unit tests/contract tests/paper tests/architecture
 
 .DEFAULT_GOAL := help
-.PHONY: help fly test test-fast test-browser check format bench clean
+.PHONY: help fly test test-fast test-browser check format bench mutation clean
 
 help: ## show this
 	@awk -F':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -43,6 +43,10 @@ format: .venv/.dev ## rewrite the sources in the house style
 bench: .venv/.dev ## measure flights and planners, renew tools/bench/README.md [BARN=folder]
 	$(BIN)/python -m pip install -q --prefer-binary -e ".[dev,bench]"
 	$(BIN)/python -m tools.bench --write $(if $(BARN),--barn $(BARN))
+
+mutation: .venv/.dev ## does the suite notice wrong signs and comparisons? [TARGET="direction speed"]
+	$(BIN)/python -m pip install -q --prefer-binary -e ".[dev,mutation]"
+	$(BIN)/python -m tools.mutation $(TARGET)
 
 clean: ## remove the environment and everything that was generated
 	rm -rf .venv build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

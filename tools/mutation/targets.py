@@ -1,0 +1,52 @@
+"""What is mutated, which tests have to notice, and which mutants change nothing."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+T3DRM = "tests/unit/autonomy/t3drm"
+
+
+@dataclass(frozen=True)
+class Target:
+    """A module (or some functions of it) and the tests that must fail when it is mutated.
+
+    `definitions` empty means the whole module. With `interpreted` the tests run without numba's
+    compiler: a compiled kernel would take seconds to compile for every mutant.
+    """
+
+    module: Path
+    tests: tuple[str, ...]
+    definitions: frozenset[str] = frozenset()
+    interpreted: bool = False
+    equivalent: dict[str, str] = field(default_factory=dict)
+    """Mutants that compute the same: "function: old line -> new line" and why."""
+
+
+TARGETS: dict[str, Target] = {
+    "direction": Target(
+        Path("autonomy/t3drm/direction.py"),
+        (f"{T3DRM}/test_direction.py", "tests/paper/test_tables.py"),
+    ),
+    "speed": Target(
+        Path("autonomy/t3drm/speed.py"),
+        (f"{T3DRM}/test_speed.py", "tests/paper/test_tables.py"),
+    ),
+    "classification": Target(
+        Path("autonomy/t3drm/classification.py"),
+        (f"{T3DRM}/test_classification.py", f"{T3DRM}/test_components.py"),
+    ),
+    "hyperbolic": Target(
+        Path("autonomy/t3drm/hyperbolic.py"),
+        (f"{T3DRM}/test_hyperbolic.py",),
+    ),
+    "spherical": Target(
+        Path("autonomy/t3drm/spherical.py"),
+        (f"{T3DRM}/test_spherical.py",),
+    ),
+    "conic-kernels": Target(
+        Path("autonomy/t3drm/kernels.py"),
+        (f"{T3DRM}/test_hyperbolic.py",),
+        frozenset({"eccentricity", "fly_by_anomaly", "sample_conic"}),
+        interpreted=True,
+    ),
+}
