@@ -53,7 +53,7 @@ TABLE_1: dict[Direction, tuple[int, int]] = {
 def pair_of(displacement_frd_m: Vector3) -> Pair:
     """(x0, y0) of a body displacement: by e1 and e2 when it is mostly horizontal, else (0, up)."""
     forward, right, down = displacement_frd_m
-    if abs(down) > math.hypot(forward, right):
+    if _is_vertical(displacement_frd_m):
         return Pair(0.0, -down)
     return Pair(_HALF * (forward + right), _HALF * (forward - right))
 
@@ -68,13 +68,15 @@ def direction_of(displacement_frd_m: Vector3) -> Direction | None:
     for direction, signs in TABLE_1.items():
         if pair.signs == signs and _is_vertical(displacement_frd_m) == (signs[0] == 0):
             return direction
-    if pair.signs == (0, 0):
-        return None
-    return Direction.FRONT if displacement_frd_m[0] > 0.0 else Direction.BACK
+    forward = displacement_frd_m[0]
+    if forward > 0.0:
+        return Direction.FRONT
+    return Direction.BACK if forward < 0.0 else None
 
 
 def _is_vertical(displacement_frd_m: Vector3) -> bool:
-    return abs(displacement_frd_m[2]) > math.hypot(displacement_frd_m[0], displacement_frd_m[1])
+    forward, right, down = displacement_frd_m
+    return abs(down) > math.hypot(forward, right)
 
 
 def _sign(value: float) -> int:

@@ -26,9 +26,9 @@ def free_volume_m3(clearance_m: float, range_max_m: float) -> float:
 
 def volume_rate_per_s(clearance_m: float, clearance_rate_m_s: float, range_max_m: float) -> float:
     """dV/dt as a fraction of the full volume per second: 3 c^2 dc/dt / c_max^3; 0 at the cap."""
-    if clearance_m >= range_max_m or clearance_m <= 0.0:
+    if clearance_m >= range_max_m:
         return 0.0
-    return 3.0 * clearance_m**2 * clearance_rate_m_s / range_max_m**3
+    return 3.0 * max(clearance_m, 0.0) ** 2 * clearance_rate_m_s / range_max_m**3
 
 
 def decide(volume: float, volume_rate: float, dead_band: float = 0.0) -> SpeedDecision:

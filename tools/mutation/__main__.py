@@ -19,13 +19,14 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--sample", type=int, default=0, help="only so many mutants of each")
     parser.add_argument("--least", type=float, default=0.95, help="the score demanded, 0 to 1")
+    parser.add_argument("--within", default="", help="only functions whose name contains this")
     asked = parser.parse_args()
     unknown = [name for name in asked.target if name not in TARGETS]
     if unknown:
         parser.error(f"no target {unknown[0]!r}; there are: {', '.join(TARGETS)}")
     scores = []
     for name in asked.target or TARGETS:
-        scores.append(score_of(name, asked.workers, asked.sample))
+        scores.append(score_of(name, TARGETS[name], asked.workers, asked.sample, asked.within))
         for survivor in scores[-1].survivors:
             print(f"{survivor.where}  {survivor.change}")
     print(table(scores))

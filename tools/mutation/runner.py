@@ -1,63 +1,20 @@
-"""Mutants, the trees they live in, and the processes that test them; cosmic-ray mutates."""
+"""Every mutant of a target in a tree of its worker: does a test notice?"""
 
 import multiprocessing
 import os
 import random
-import shutil
-import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 
-from attrs import evolve
-from cosmic_ray.commands import init
-from cosmic_ray.mutating import mutate_and_test
-from cosmic_ray.work_db import WorkDB, use_db
-from cosmic_ray.work_item import MutationSpec, TestOutcome, WorkerOutcome
-
-from tools.mutation.targets import TARGETS, Target
+from tools.mutation.mutants import Mutant, mutants_of, mutated
+from tools.mutation.targets import Target
+from tools.mutation.tree import Tree
 
 ROOT = Path(__file__).resolve().parents[2]
-COPIED = ("autonomy", "hal", "tools", "tests", "configs", "pyproject.toml", "README.md")
-
-ORDERINGS = {"Lt": ("LtE", "GtE", "Gt"), "Gt": ("GtE", "LtE", "Lt")} | {
-    "LtE": ("Lt", "Gt", "GtE"),
-    "GtE": ("Gt", "Lt", "LtE"),
-}
-SIGNS = {"Add": "Sub", "Sub": "Add", "Mul": "Div", "Div": "Mul", "Mod": "Mul", "Pow": "Mul"}
-OTHERS = (
-    "NumberReplacer",
-    "ReplaceAndWithOr",
-    "ReplaceOrWithAnd",
-    "ReplaceTrueWithFalse",
-    "ReplaceFalseWithTrue",
-    "ReplaceBreakWithContinue",
-    "ReplaceContinueWithBreak",
-    "ReplaceUnaryOperator_USub_UAdd",
-    "ReplaceUnaryOperator_Delete_Not",
-    "ZeroIterationForLoop",
-    "ReplaceComparisonOperator_Eq_NotEq",
-    "ReplaceComparisonOperator_NotEq_Eq",
-    "ReplaceComparisonOperator_Is_IsNot",
-    "ReplaceComparisonOperator_IsNot_Is",
-)
-OPERATORS = frozenset(
-    f"core/{name}"
-    for name in (
-        *(f"ReplaceComparisonOperator_{a}_{b}" for a, into in ORDERINGS.items() for b in into),
-        *(f"ReplaceBinaryOperator_{a}_{b}" for a, b in SIGNS.items()),
-        *OTHERS,
-    )
-)
-"""Each comparison to its border, its negation and its mirror; each sign turned; constants +-1."""
-
-_timeouts_s: dict[str, float] = {}
-"""Of this worker process, by target."""
 
 
 @dataclass(frozen=True)
@@ -89,106 +46,72 @@ class Score:
         return self.killed / self.mutants if self.mutants else 1.0
 
 
-def mutants_of(target: Target) -> list[MutationSpec]:
-    """All single mutations of a target by `OPERATORS`, in the order of the source."""
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        use_db(f"{folder}/work.sqlite", WorkDB.Mode.create) as db,
-    ):
-        init([ROOT / target.module], db, {})
-        specs = [mutation for item in db.work_items for mutation in item.mutations]
-    wanted = [
-        spec
-        for spec in specs
-        if spec.operator_name in OPERATORS
-        and (not target.definitions or spec.definition_name in target.definitions)
+class Worker:
+    """One process with a tree, in which it tests one mutant after the other."""
+
+    def __init__(self, target: Target, root: Path, place: Path) -> None:
+        self._target = target
+        self._tree = Tree(root, place)
+        self._module = place / target.module
+        self._original = self._module.read_text()
+        self._tree.try_unmutated(target.tests)
+
+    def verdict_on(self, mutant: Mutant) -> Verdict:
+        """Mutate, test and restore."""
+        made = mutated(self._original, mutant)
+        self._module.write_text(made.source)
+        try:
+            survived = self._tree.passes(self._target.tests)
+        finally:
+            self._module.write_text(self._original)
+        return Verdict(f"{mutant.module}:{mutant.line}", made.change, not survived)
+
+
+_worker: list[Worker] = []
+"""Of this process: one, set by `_enter`."""
+
+
+def _enter(target: Target, root: Path, places: "SimpleQueue[Path]") -> None:
+    if target.interpreted:
+        os.environ["NUMBA_DISABLE_JIT"] = "1"
+    _worker.append(Worker(target, root, places.get()))
+
+
+def _verdict_on(mutant: Mutant) -> Verdict:
+    return _worker[0].verdict_on(mutant)
+
+
+def score_of(
+    name: str, target: Target, workers: int, sample: int = 0, within: str = "", root: Path = ROOT
+) -> Score:
+    """Test the mutants of one target.
+
+    `sample`: only so many of them, drawn at random (0: all). `within`: only those in definitions
+    whose name contains it.
+    """
+    mutants = [
+        mutant
+        for mutant in mutants_of(root, target.module, target.definitions)
+        if within in mutant.definition
     ]
-    return sorted(wanted, key=lambda s: (s.start_pos, s.operator_name, s.occurrence))
-
-
-def copies(count: int, folder: Path) -> Iterator[Path]:
-    """Trees to mutate, one for each worker."""
-    for number in range(count):
-        place = folder / f"tree-{number}"
-        for name in COPIED:
-            source = ROOT / name
-            if source.is_dir():
-                ignored = shutil.ignore_patterns("__pycache__", "*.png")
-                shutil.copytree(source, place / name, ignore=ignored)
-            else:
-                shutil.copy2(source, place / name)
-        yield place
-
-
-def command_for(target: Target) -> str:
-    """How the tests of a target are run: stop at the first failure, the same examples each time."""
-    options = "-x -q -p no:cacheprovider -p no:xdist --hypothesis-seed=0 -W ignore"
-    return f"{sys.executable} -m pytest {options} {' '.join(target.tests)}"
-
-
-def enter_tree(trees: "SimpleQueue[Path]", *environment: str) -> None:
-    """Make this worker process live in a tree of its own (cosmic-ray tests where it stands)."""
-    os.chdir(trees.get())
-    os.environ["PYTHONPATH"] = str(Path.cwd())
-    for variable in environment:
-        os.environ[variable] = "1"
-
-
-def seconds_unmutated(command: str) -> float:
-    """How long the tests take as they are; the first run also compiles what numba keeps."""
-    for _ in range(2):
-        begun = time.monotonic()
-        done = subprocess.run(command.split(), capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise SystemExit(f"the tests fail without any mutation:\n{done.stdout}{done.stderr}")
-    return time.monotonic() - begun
-
-
-def verdict_on(name: str, spec: MutationSpec) -> Verdict:
-    """Mutate, test and restore, in the tree of this worker."""
-    target = TARGETS[name]
-    command = command_for(target)
-    if name not in _timeouts_s:
-        _timeouts_s[name] = 30.0 + 5.0 * seconds_unmutated(command)
-    here = evolve(spec, module_path=Path.cwd() / target.module)
-    result = mutate_and_test([here], command, _timeouts_s[name])
-    if result.worker_outcome is not WorkerOutcome.NORMAL:
-        raise RuntimeError(f"mutant at line {spec.start_pos[0]}: {result.output}")
-    where = f"{target.module}:{spec.start_pos[0]}"
-    survived = result.test_outcome is TestOutcome.SURVIVED
-    changed = changed_lines(result.diff or "")
-    key = f"{spec.definition_name or 'module'}: {' -> '.join(changed)}"
-    return Verdict(where, key, not survived)
-
-
-def changed_lines(diff: str) -> tuple[str, ...]:
-    """The old and the new line of a diff that replaces one."""
-    lines = [line for line in diff.splitlines() if line[:1] in "+-"]
-    return tuple(line[1:].strip() for line in lines if line[:3] not in ("+++", "---"))
-
-
-def score_of(name: str, workers: int, sample: int) -> Score:
-    """Test the mutants of one target (a random `sample` of them where that is not 0)."""
-    target = TARGETS[name]
-    specs = mutants_of(target)
-    if sample and sample < len(specs):
-        specs = random.Random(0).sample(specs, sample)
+    if sample and sample < len(mutants):
+        mutants = random.Random(0).sample(mutants, sample)
     context = multiprocessing.get_context("spawn")
-    trees: SimpleQueue[Path] = context.SimpleQueue()
+    places: SimpleQueue[Path] = context.SimpleQueue()
+    verdicts = []
     with tempfile.TemporaryDirectory(prefix="autonomy-mutants-") as folder:
-        for tree in copies(workers, Path(folder)):
-            trees.put(tree)
-        initial = (trees, *(("NUMBA_DISABLE_JIT",) if target.interpreted else ()))
-        verdicts = []
-        with ProcessPoolExecutor(workers, context, enter_tree, initial) as pool:
-            waiting = [pool.submit(verdict_on, name, spec) for spec in specs]
-            for done in as_completed(waiting):
+        for number in range(workers):
+            places.put(Path(folder) / f"tree-{number}")
+        with ProcessPoolExecutor(workers, context, _enter, (target, root, places)) as pool:
+            for done in as_completed([pool.submit(_verdict_on, mutant) for mutant in mutants]):
                 verdicts.append(done.result())
-                if sys.stderr.isatty():
-                    told = f"{name}: {len(verdicts)} of {len(specs)} mutants"
-                    print(f"\r{told}", end="", file=sys.stderr, flush=True)
-    if sys.stderr.isatty():
-        print(file=sys.stderr)
+                _tell(f"\r{name}: {len(verdicts)} of {len(mutants)} mutants")
+    _tell("\n")
+    return judged(name, target, verdicts)
+
+
+def judged(name: str, target: Target, verdicts: list[Verdict]) -> Score:
+    """The score of all verdicts, those of equivalent mutants apart."""
     survivors = sorted((v for v in verdicts if not v.killed), key=lambda v: (v.where, v.change))
     same = [v for v in survivors if v.change in target.equivalent]
     return Score(
@@ -197,3 +120,8 @@ def score_of(name: str, workers: int, sample: int) -> Score:
         equivalent=len(same),
         survivors=tuple(v for v in survivors if v not in same),
     )
+
+
+def _tell(text: str) -> None:
+    if sys.stderr.isatty():
+        print(text, end="", file=sys.stderr, flush=True)

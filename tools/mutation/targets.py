@@ -49,4 +49,8 @@ TARGETS: dict[str, Target] = {
         frozenset({"eccentricity", "fly_by_anomaly", "sample_conic"}),
         interpreted=True,
     ),
+    "guard": Target(
+        Path("hal/vehicle/guard.py"),
+        ("tests/unit/hal/vehicle/test_guard.py",),
+    ),
 }

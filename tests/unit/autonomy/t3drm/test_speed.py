@@ -1,3 +1,4 @@
+import inspect
 import math
 
 import pytest
@@ -23,6 +24,19 @@ CONFIG = GuidanceConfig(speed_max_m_s=0.2, speed_min_m_s=0.08, slow_below_m=0.25
 )
 def test_the_speed_grows_with_the_clearance(clearance_m: float, speed_m_s: float) -> None:
     assert speed_for_clearance(clearance_m, CONFIG) == pytest.approx(speed_m_s)
+
+
+def test_clear_by_exactly_the_slow_distance_is_the_maximum_to_the_last_bit() -> None:
+    # 0.03 + (0.29 - 0.03) is not 0.29 in binary.
+    config = GuidanceConfig(
+        speed_max_m_s=0.29, speed_min_m_s=0.03, slow_below_m=0.25, slowest_at_m=0.17
+    )
+    assert speed_for_clearance(0.25, config) == 0.29
+
+
+def test_two_flags_in_a_row_have_to_be_named() -> None:
+    kinds = {name: p.kind for name, p in inspect.signature(speed_for_clearance).parameters.items()}
+    assert kinds["receding"] is kinds["seen_free"] is inspect.Parameter.KEYWORD_ONLY
 
 
 def test_receding_is_flown_at_the_maximum() -> None:
@@ -52,6 +66,22 @@ def test_the_volume_is_capped_at_the_sensors_range() -> None:
     assert free_volume_m3(-0.1, 1.0) == 0.0
     assert volume_rate_per_s(1.0, 0.2, 1.0) == 0.0
     assert volume_rate_per_s(0.0, 0.2, 1.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("clearance_m", "rate_m_s", "range_max_m", "rate_per_s"),
+    [
+        # 3 c^2 dc / c_max^3
+        (1.0, 0.5, 2.0, 0.1875),
+        (0.5, -0.2, 1.0, -0.15),
+        (-0.5, 0.2, 1.0, 0.0),
+        (2.0, 0.5, 2.0, 0.0),
+    ],
+)
+def test_the_rate_is_a_share_of_the_full_volume(
+    clearance_m: float, rate_m_s: float, range_max_m: float, rate_per_s: float
+) -> None:
+    assert volume_rate_per_s(clearance_m, rate_m_s, range_max_m) == pytest.approx(rate_per_s)
 
 
 @given(st.floats(0.05, 0.95), st.floats(-1.0, 1.0))
