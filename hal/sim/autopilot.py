@@ -13,6 +13,8 @@ import msgspec
 import numpy as np
 
 from hal.frames import ZERO3, Vector3, add, ned_from_frd, norm, scale, wrap_pi
+from hal.sim.mission import Mission, velocity_to
+from hal.sim import px4_events as events
 from hal.sim.px4 import (
     AutopilotText,
     Landed,
@@ -22,6 +24,8 @@ from hal.sim.px4 import (
     Severity,
     SystemStatus,
 )
+from hal.sim.px4_events import AutopilotEvent, EventKind
+from hal.sim.px4_watch import Change, GnssWatch, HeartbeatWatch
 from hal.sim.quadrotor import EXACT, FREE3, Command, Limits, Motors, Quadrotor
 from hal.sim.sensors import EstimateOffset
 
@@ -53,6 +57,13 @@ _NAMES = {
     Mode.MISSION: "Mission",
 }
 _OBL_ACTIONS = {4: Mode.LAND, 5: Mode.HOLD}
+_DLL_ACTIONS = {1: Mode.HOLD, 2: Mode.RETURN, 3: Mode.LAND, 5: Mode.TERMINATION}
+_EVENT_ACTIONS = {
+    Mode.HOLD: events.ACTION_HOLD,
+    Mode.RETURN: events.ACTION_RETURN,
+    Mode.LAND: events.ACTION_LAND,
+    Mode.TERMINATION: events.ACTION_TERMINATE,
+}
 
 
 class _VehiclePart(Protocol):
@@ -134,7 +145,18 @@ class Autopilot:
         )
         self.origin: Vector3 = scenario.gnss.origin
         self.texts: deque[AutopilotText] = deque(maxlen=256)
+        self.events: deque[AutopilotEvent] = deque(maxlen=256)
+        self.ground_station = HeartbeatWatch()
+        self.companion = HeartbeatWatch()
+        self.gnss_fix = True
+        """False while its receiver has no fix."""
+        self._gnss = GnssWatch()
+        self._station_action: Mode | None = None
+        self._station_action_s = math.inf
+        self._said_reason = ""
+        self._warned_mode: Mode | None = None
         self.battery_override: float | None = None
+        self.mission = Mission()
         self._rng = rng
         self._boot_s = boot_s
         self._fault = ""
@@ -163,6 +185,7 @@ class Autopilot:
         self._vertical_sp_m_s = 0.0
         self._return_height_m = 0.0
         self._return_phase = "climb"
+        self._mission_lands = False
         self._battery = 1.0
         self._apply_limits()
 
@@ -200,9 +223,10 @@ class Autopilot:
             return Landed.ON_GROUND
         if self.mode is Mode.TAKEOFF:
             return Landed.TAKEOFF
-        if self.mode is Mode.LAND or (
-            self.mode is Mode.RETURN and self._return_phase == "land" and self._entered is self.mode
-        ):
+        coming_down = self._return_phase == "land" if self.mode is Mode.RETURN else False
+        if self.mode is Mode.MISSION:
+            coming_down = self._mission_lands
+        if self.mode is Mode.LAND or (coming_down and self._entered is self.mode):
             return Landed.LANDING
         return Landed.IN_AIR
 
@@ -213,6 +237,10 @@ class Autopilot:
             return "Preflight Fail: no heading reference"
         if self._fault:
             return self._fault
+        if not self._gnss.position_valid:
+            return "Preflight: GPS fix too low"
+        if self.ground_station.lost and int(self.parameters["NAV_DLL_ACT"]) > 0:
+            return "Preflight Fail: No connection to the GCS"
         if self._intended.needs_pilot:
             return "Mode needs a remote control"
         if self._intended is Mode.OFFBOARD and not self._setpoint_fresh():
@@ -222,6 +250,8 @@ class Autopilot:
     @property
     def system_status(self) -> SystemStatus:
         """As in the heartbeat."""
+        if self.mode is Mode.TERMINATION:
+            return SystemStatus.FLIGHT_TERMINATION
         if self._armed:
             return SystemStatus.CRITICAL if self.in_failsafe else SystemStatus.ACTIVE
         return SystemStatus.UNINIT if self.not_armable_because else SystemStatus.STANDBY
@@ -269,9 +299,12 @@ class Autopilot:
             return Result.ACCEPTED
         reason = self.not_armable_because
         if reason:
-            if reason.startswith("Preflight"):
-                self.say(Severity.WARNING, reason)
-            self.say(Severity.CRITICAL, "Arming denied: Resolve system health failures first")
+            self._say_why_not(reason)
+            self.say(
+                Severity.CRITICAL,
+                "Arming denied: Resolve system health failures first",
+                events.ARMING_DENIED,
+            )
             return Result.TEMPORARILY_REJECTED
         self._armed = True
         self._armed_s = self._now_s
@@ -279,7 +312,9 @@ class Autopilot:
         self._airborne = self._flown = False
         self._ramp_s = self._landed_s = self._touch_s = None
         self._entered = None
-        self.say(Severity.INFO, "Armed by external command")
+        self.say(
+            Severity.INFO, "Armed by external command", events.ARMED_BY, events.COMMAND_EXTERNAL
+        )
         return Result.ACCEPTED
 
     def disarm(self, *, force: bool = False) -> Result:
@@ -287,9 +322,9 @@ class Autopilot:
         if not self._armed:
             return Result.ACCEPTED
         if not self._landed and not force:
-            self.say(Severity.CRITICAL, "Disarming denied: not landed")
+            self.say(Severity.CRITICAL, "Disarming denied: not landed", events.DISARMING_DENIED)
             return Result.TEMPORARILY_REJECTED
-        self._disarm("Disarmed by external command")
+        self._disarm("Disarmed by external command", events.COMMAND_EXTERNAL)
         return Result.ACCEPTED
 
     def takeoff(self, altitude_amsl_m: float | None = None) -> Result:
@@ -300,20 +335,25 @@ class Autopilot:
         if altitude_amsl_m is not None and math.isfinite(altitude_amsl_m):
             target_m = self.origin[2] - altitude_amsl_m
         elif self._armed:
-            self.say(Severity.INFO, f"Using default takeoff altitude: {height_m:.1f} m")
+            self.say(
+                Severity.INFO,
+                f"Using default takeoff altitude: {height_m:.1f} m",
+                events.TAKEOFF_ALTITUDE,
+                height_m,
+            )
         self._command(Mode.TAKEOFF)
         self._climb_to_m = min(target_m, self.estimated_position_ned_m[2])
         return Result.ACCEPTED
 
     def land(self) -> Result:
         """MAV_CMD_NAV_LAND."""
-        self.say(Severity.INFO, "Landing at current position")
+        self.say(Severity.INFO, "Landing at current position", events.LANDING_HERE)
         self._command(Mode.LAND)
         return Result.ACCEPTED
 
     def return_to_launch(self) -> Result:
         """MAV_CMD_NAV_RETURN_TO_LAUNCH."""
-        self.say(Severity.INFO, "Returning to launch")
+        self.say(Severity.INFO, "Returning to launch", events.RETURNING)
         self._command(Mode.RETURN)
         return Result.ACCEPTED
 
@@ -327,6 +367,16 @@ class Autopilot:
             self._braking = Braking(self._now_s, (n, e, d), ZERO3, 0.0)
         return Result.ACCEPTED
 
+    def start_mission(self, first: int = 0) -> Result:
+        """MAV_CMD_MISSION_START: arm if need be and fly the mission from item `first` on."""
+        if not self.mission.items or not self.mission.set_current(first):
+            self.say(Severity.CRITICAL, "Mission start denied! No valid mission")
+            return Result.DENIED
+        result = self.arm()
+        if result is Result.ACCEPTED:
+            self._command(Mode.MISSION)
+        return result
+
     def set_mode(self, main: int, sub: int = 0) -> Result:
         """MAV_CMD_DO_SET_MODE. Disarmed every mode is taken; armed only one that can be flown."""
         try:
@@ -338,6 +388,9 @@ class Autopilot:
             self.say(
                 Severity.CRITICAL,
                 f"Switching to {_NAMES[mode]} is currently not available",
+                events.MODE_NOT_AVAILABLE,
+                int(mode),
+                mode.main,
             )
             return Result.TEMPORARILY_REJECTED
         if mode is Mode.TAKEOFF and self._climb_to_m is None:
@@ -381,10 +434,16 @@ class Autopilot:
         self._now_s += dt_s
         self._error = error
         self._drain_battery(dt_s)
+        self._watch()
         if not self._armed:
             self._fall_or_rest(dt_s)
             return
         self._check_offboard()
+        self._check_station_failsafe()
+        if self.mode is Mode.TERMINATION:
+            self._airborne = False
+            self.quadrotor.step(dt_s, Command(), Motors.STOPPED, self._error)
+            return
         if self._entered is not self.mode:
             self._enter(self.mode)
         command = self._fly(dt_s)
@@ -424,7 +483,9 @@ class Autopilot:
     def _available(self, mode: Mode) -> bool:
         if mode is Mode.OFFBOARD:
             return self._setpoint_fresh()
-        return not mode.needs_pilot and mode is not Mode.MISSION
+        if mode is Mode.MISSION:
+            return bool(self.mission.items)
+        return not mode.needs_pilot
 
     def _setpoint_fresh(self, extra_s: float = 0.0) -> bool:
         limit_s = float(self.parameters["COM_OF_LOSS_T"]) + extra_s
@@ -442,19 +503,112 @@ class Autopilot:
         self._loss_jitter_s = float(self._rng.uniform(*_OFFBOARD_LOSS_JITTER_S))
         # Without a remote control every fallback to a piloted mode ends in a return.
         self._failsafe = _OBL_ACTIONS.get(int(self.parameters["COM_OBL_RC_ACT"]), Mode.RETURN)
-        self.say(Severity.CRITICAL, "Failsafe activated")
+        self._announce_failsafe(self._failsafe)
+
+    def _announce_failsafe(self, mode: Mode) -> None:
+        self.say(
+            Severity.CRITICAL,
+            "Failsafe activated",
+            events.FAILSAFE,
+            int(Mode.TERMINATION if mode is Mode.TERMINATION else self._intended),
+            _EVENT_ACTIONS[mode],
+        )
+
+    def terminate(self) -> Result:
+        """MAV_CMD_DO_FLIGHTTERMINATION: motors off for good."""
+        self._intended = self._failsafe = Mode.TERMINATION
+        self._announce_failsafe(Mode.TERMINATION)
+        return Result.ACCEPTED
+
+    # ------------------------------------------------------------ watches
+
+    def _watch(self) -> None:
+        """Notice who came and went on the link, and whether the position is good."""
+        now_s, p = self._now_s, self.parameters
+        station = self.ground_station.step(now_s, float(p["COM_DL_LOSS_T"]))
+        if station is Change.LOST:
+            self.say(Severity.INFO, "Connection to ground station lost", events.STATION_LOST)
+            self._plan_station_failsafe()
+        elif station is Change.BACK:
+            self.say(Severity.INFO, "GCS connection regained", events.STATION_BACK)
+            self._station_action = None
+        companion = self.companion.step(now_s, float(p["COM_OBC_LOSS_T"]))
+        if companion is Change.LOST:
+            self.say(
+                Severity.CRITICAL, "Connection to mission computer lost", events.COMPANION_LOST
+            )
+        elif companion is Change.BACK:
+            self.say(Severity.INFO, "Onboard controller regained", events.COMPANION_BACK)
+        complains, position = self._gnss.step(now_s, fix=self.gnss_fix)
+        if complains:
+            self.say(Severity.WARNING, "Preflight: GPS fix too low")
+        if position is Change.LOST and not self._armed:
+            self.report(events.FAILSAFE_WARNING, int(self._intended))
+        self._warn_without_setpoints()
+
+    def _warn_without_setpoints(self) -> None:
+        """OFFBOARD selected on the ground without setpoints is worth a warning, once."""
+        without = not self._armed and self._intended is Mode.OFFBOARD and not self._setpoint_fresh()
+        if without and self._warned_mode is not self._intended:
+            self.report(events.FAILSAFE_WARNING, int(self._intended))
+        self._warned_mode = self._intended if without else None
+
+    def _say_why_not(self, reason: str) -> None:
+        """PX4's words on what stands against arming, once for as long as it does."""
+        if reason.startswith("Preflight") and reason != self._said_reason:
+            heading = reason.endswith("no heading reference")
+            self.say(Severity.CRITICAL if heading else Severity.WARNING, reason)
+        self._said_reason = reason
+
+    def _plan_station_failsafe(self) -> None:
+        action = _DLL_ACTIONS.get(int(self.parameters["NAV_DLL_ACT"]))
+        if action is None or not self._armed or self._landed or self._failsafe is not None:
+            return
+        delay_s = float(self.parameters["COM_FAIL_ACT_T"])
+        self._station_action, self._station_action_s = action, self._now_s + delay_s
+        self._failsafe = Mode.HOLD
+        self.say(
+            Severity.CRITICAL,
+            f"Failsafe activated: entering Hold for {delay_s:.0f} seconds",
+            events.FAILSAFE_HOLDS,
+            int(self._intended),
+            _EVENT_ACTIONS[action],
+            round(delay_s),
+            events.CAUSE_GROUND_STATION_LOST,
+        )
+
+    def _check_station_failsafe(self) -> None:
+        action = self._station_action
+        if action is None or self._now_s < self._station_action_s:
+            return
+        self._station_action = None
+        if self._failsafe is not Mode.HOLD:
+            return
+        self._failsafe = action
+        self.report(
+            events.FAILSAFE_OF,
+            int(self._intended),
+            _EVENT_ACTIONS[action],
+            events.CAUSE_GROUND_STATION_LOST,
+        )
 
     def _enter(self, mode: Mode) -> None:
         """Take over from the mode before: where to stop, how high to climb."""
         self._entered = mode
+        self._stop_here()
+        if mode is Mode.RETURN:
+            self._plan_return(self.estimated_position_ned_m)
+        if mode is Mode.MISSION:
+            self._mission_lands = False
+            self.mission.enter()
+
+    def _stop_here(self) -> None:
         here, moving = self.estimated_position_ned_m, self.estimated_velocity_ned_m_s
         self._braking = Braking.plan(
             self._now_s, here, moving, float(self.parameters["MPC_JERK_AUTO"])
         )
         self._hold_yaw_rad = wrap_pi(self.estimated_yaw_rad + 0.4 * self.quadrotor.yaw_rate_rad_s)
         self._vertical_sp_m_s = moving[2] if self._airborne else 0.0
-        if mode is Mode.RETURN:
-            self._plan_return(here)
 
     def _plan_return(self, here: Vector3) -> None:
         home = self._home_ned_m
@@ -467,6 +621,9 @@ class Autopilot:
         self.say(
             Severity.INFO,
             f"RTL: start return at {amsl:.0f} m ({self._return_height_m:.0f} m above destination)",
+            events.RETURN_AT,
+            round(amsl),
+            round(self._return_height_m),
         )
 
     # ------------------------------------------------------------ flying
@@ -481,7 +638,31 @@ class Autopilot:
             return self._return(dt_s)
         if mode is Mode.TAKEOFF:
             return self._climb(dt_s)
+        if mode is Mode.MISSION:
+            return self._fly_mission(dt_s)
         return self._hold(dt_s)
+
+    def _fly_mission(self, dt_s: float) -> Command:
+        if not self._airborne and not self.mission.finished:
+            return self._locked(-0.1)  # whatever comes first, the ground is left upwards
+        p, here = self.parameters, self.estimated_position_ned_m
+        radii = (float(p["NAV_ACC_RAD"]), float(p["NAV_MC_ALT_RAD"]))
+        step = self.mission.step(self._now_s, here, self.origin, self._home_ned_m, radii)
+        if step.land:
+            if not self._mission_lands:
+                self._mission_lands = True
+                self._stop_here()
+            return self._descend(dt_s)
+        if step.place_ned_m is None:
+            self._command(Mode.RETURN if step.home else Mode.HOLD)
+            self._enter(self._intended)
+            return self._hold(dt_s)
+        fastest = min(step.speed_m_s, float(p["MPC_XY_CRUISE"]))
+        climb = (float(p["MPC_Z_V_AUTO_UP"]), float(p["MPC_Z_V_AUTO_DN"]))
+        velocity = velocity_to(step.place_ned_m, here, fastest, climb)
+        if math.hypot(velocity[0], velocity[1]) > 0.3:
+            self._hold_yaw_rad = math.atan2(velocity[1], velocity[0])
+        return Command(FREE3, velocity, self._hold_yaw_rad)
 
     def _offboard_command(self) -> Command:
         setpoint = self._setpoint
@@ -550,7 +731,7 @@ class Autopilot:
             self._return_phase = "fly"
         if self._return_phase == "fly" and away < float(self.parameters["NAV_ACC_RAD"]):
             self._return_phase = "land"
-            self.say(Severity.INFO, "RTL: land at destination")
+            self.say(Severity.INFO, "RTL: land at destination", events.RETURN_LANDS)
         vertical = 0.0
         fastest = float(self.parameters["MPC_XY_CRUISE"])
         if self._return_phase == "land":
@@ -575,7 +756,7 @@ class Autopilot:
         """Spool up, ramp the thrust, leave the ground."""
         if self._airborne:
             return
-        climbing = self.mode in (Mode.TAKEOFF, Mode.OFFBOARD) and (
+        climbing = self.mode in (Mode.TAKEOFF, Mode.OFFBOARD, Mode.MISSION) and (
             self._wanted_down_m_s(command) < -0.05
         )
         if not climbing:
@@ -590,9 +771,9 @@ class Autopilot:
             self._landed = False
             self._flown = True
             self._landed_s = None
-            self.say(Severity.INFO, "Takeoff detected")
+            self.say(Severity.INFO, "Takeoff detected", events.TAKEOFF_DETECTED)
         ramp_s = float(self.parameters["MPC_TKO_RAMP_T"])
-        early_s = _LIFT_OFF_AUTO_S if self.mode is Mode.TAKEOFF else _LIFT_OFF_OFFBOARD_S
+        early_s = _LIFT_OFF_OFFBOARD_S if self.mode is Mode.OFFBOARD else _LIFT_OFF_AUTO_S
         if not self._landed and since_s >= ramp_s + early_s:
             self._airborne = True
             self._vertical_sp_m_s = 0.0
@@ -612,7 +793,8 @@ class Autopilot:
             self._airborne = False
             self._ramp_s = None
             self._landed_s = self._now_s
-            self.say(Severity.INFO, "Landing detected")
+            self.mission.landed()
+            self.say(Severity.INFO, "Landing detected", events.LANDING_DETECTED)
 
     def _auto_disarm(self) -> None:
         if not self._landed:
@@ -620,14 +802,14 @@ class Autopilot:
         if self._landed_s is not None:
             after_s = float(self.parameters["COM_DISARM_LAND"])
             if after_s >= 0.0 and self._now_s - self._landed_s >= after_s:
-                self._disarm("Disarmed by landing")
+                self._disarm("Disarmed by landing", events.LANDING)
             return
         after_s = float(self.parameters["COM_DISARM_PRFLT"])
         limit_s = after_s + float(self.parameters["COM_SPOOLUP_TIME"])
         if after_s > 0.0 and not self._flown and self._now_s - self._armed_s >= limit_s:
-            self._disarm("Disarmed by auto preflight disarming")
+            self._disarm("Disarmed by auto preflight disarming", events.PREFLIGHT_INACTION)
 
-    def _disarm(self, text: str) -> None:
+    def _disarm(self, text: str, reason: int) -> None:
         in_air = not self._landed
         self._armed = False
         self._airborne = False
@@ -638,9 +820,9 @@ class Autopilot:
         self._climb_to_m = None
         if self._intended in (Mode.LAND, Mode.RETURN):
             self._intended = self._before_landing
-        if self._intended is Mode.TAKEOFF:
+        if self._intended in (Mode.TAKEOFF, Mode.MISSION):
             self._intended = Mode.HOLD
-        self.say(Severity.INFO, text)
+        self.say(Severity.INFO, text, events.DISARMED_BY, reason)
 
     def _apply_limits(self) -> None:
         p = self.parameters
@@ -655,6 +837,18 @@ class Autopilot:
             )
         )
 
-    def say(self, severity: Severity, text: str) -> None:
-        """Queue a status text."""
+    def say(
+        self,
+        severity: Severity,
+        text: str,
+        kind: EventKind | None = None,
+        *arguments: float,
+    ) -> None:
+        """Queue a status text, and the event that tells the same."""
         self.texts.append(AutopilotText(self._now_s, severity, text))
+        if kind is not None:
+            self.report(kind, *arguments)
+
+    def report(self, kind: EventKind, *arguments: float) -> None:
+        """Queue an event alone."""
+        self.events.append(AutopilotEvent.of(self._now_s, kind, *arguments))

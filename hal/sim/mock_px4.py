@@ -138,7 +138,7 @@ class MockPx4:
             schedule = peer.conversation.schedule
             due = [stream.build(plant) for stream in schedule.take_due(now_s)]
             due += [m for m in sampled if schedule.allows(m.get_msgId())]
-            due += peer.conversation.pending(now_s)
+            due += self._protocol.pending(peer.conversation, now_s)
             due += peer.take_texts(now_s)
             for message in due:
                 if message is not None:
@@ -234,6 +234,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--refuse", choices=REFUSABLE, action="append", default=[], help="refuse this, always"
     )
+    parser.add_argument("--no-beams", action="store_true", help="a vehicle without range sensors")
     parser.add_argument("--while-stdin", action="store_true", help="end when standard input does")
     return parser
 
@@ -272,6 +273,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             speed=options.speed,
             boot_s=options.boot_s,
             refused=options.refuse,
+            beams=BeamsConfig(mounts=()) if options.no_beams else None,
             truth_out=options.truth,
             ready=ready,
             stop=stop,

@@ -13,6 +13,8 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from pymavlink.dialects.v20 import development as mavlink
 
 from hal.frames import Vector3, ned_from_geodetic
+from hal.sim.mock_px4_files import file_answer, no_logs
+from hal.sim.mock_px4_mission import MissionProtocol, Transfer
 from hal.sim.mock_px4_plant import Plant
 from hal.sim.mock_px4_streams import ON_REQUEST, Message, Schedule
 from hal.sim.px4 import AutopilotText, Mode, Result, Severity
@@ -37,6 +39,7 @@ class Conversation:
 
     def __init__(self) -> None:
         self.schedule = Schedule()
+        self.transfer = Transfer()
         self.gcs_heard_s = -math.inf
         self.parameter_list: Iterator[Message] = iter(())
         self.delayed: deque[tuple[float, Message]] = deque()
@@ -73,8 +76,12 @@ class Protocol:
             "PARAM_SET": self._parameter_set,
             "TIMESYNC": self._timesync,
             "PING": self._ping,
-            "MISSION_REQUEST_LIST": self._mission_list,
+            "FILE_TRANSFER_PROTOCOL": lambda message, _: file_answer(message),
+            "LOG_REQUEST_LIST": lambda message, _: no_logs(message),
         }
+        self.missions = MissionProtocol(plant)
+        for name, handler in self.missions.handlers.items():
+            self._handlers[name] = self._on_transfer(handler)
         pilot = plant.autopilot
         self._commands: dict[int, Callable[[Sequence[float]], Result]] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_or_disarm,
@@ -83,7 +90,8 @@ class Protocol:
             mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: pilot.return_to_launch(),
             mavlink.MAV_CMD_DO_SET_MODE: self._set_mode,
             mavlink.MAV_CMD_DO_REPOSITION: self._reposition,
-            mavlink.MAV_CMD_MISSION_START: self._start_mission,
+            mavlink.MAV_CMD_MISSION_START: lambda p: pilot.start_mission(_whole(p[0], 0)),
+            mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: self._set_mission_current,
             mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: lambda _: Result.DENIED,
             mavlink.MAV_CMD_PREFLIGHT_STORAGE: lambda _: Result.ACCEPTED,
             mavlink.MAV_CMD_RUN_PREARM_CHECKS: lambda _: Result.ACCEPTED,
@@ -102,6 +110,16 @@ class Protocol:
         system = getattr(message, "target_system", 0)
         component = getattr(message, "target_component", 0)
         return system in (0, self._system_id) and component in (0, COMPONENT_ID)
+
+    @staticmethod
+    def _on_transfer(
+        handler: Callable[[Message, Transfer], list[Message]],
+    ) -> Callable[[Message, Conversation], list[Message]]:
+        return lambda message, conversation: handler(message, conversation.transfer)
+
+    def pending(self, conversation: Conversation, now_s: float) -> list[Message]:
+        """What is due to one peer of the things promised earlier."""
+        return conversation.pending(now_s) + self.missions.pending(conversation.transfer)
 
     def _heartbeat(self, message: Message, conversation: Conversation) -> list[Message]:
         if message.type == mavlink.MAV_TYPE_GCS:
@@ -173,9 +191,9 @@ class Protocol:
             return pilot.hold_at((math.nan, math.nan, pilot.origin[2] - amsl))
         return pilot.hold_at(ned_from_geodetic(lat, lon, amsl, pilot.origin))
 
-    def _start_mission(self, _parameters: Sequence[float]) -> Result:
-        self._plant.autopilot.say(Severity.CRITICAL, "Mission start denied! No valid mission")
-        return Result.DENIED
+    def _set_mission_current(self, parameters: Sequence[float]) -> Result:
+        found = self._plant.autopilot.mission.set_current(_whole(parameters[0], 0))
+        return Result.ACCEPTED if found else Result.DENIED
 
     def _request_message(
         self, parameters: Sequence[float], conversation: Conversation
@@ -281,13 +299,6 @@ class Protocol:
                 message.seq,
                 message.get_srcSystem(),
                 message.get_srcComponent(),
-            )
-        ]
-
-    def _mission_list(self, message: Message, _conversation: Conversation) -> list[Message]:
-        return [
-            mavlink.MAVLink_mission_count_message(
-                message.get_srcSystem(), message.get_srcComponent(), 0, message.mission_type
             )
         ]
 

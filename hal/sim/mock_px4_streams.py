@@ -14,6 +14,7 @@ from hal.config import BeamMount
 from hal.frames import geodetic_from_ned
 from hal.readings import FixType, GnssFix, RangeReading, RangeStatus
 from hal.sim.mock_px4_plant import Plant
+from hal.sim.px4 import Mode
 
 Message = Any  # pymavlink is untyped
 """One pymavlink message."""
@@ -23,6 +24,7 @@ _PREARM_CHECK = 0x10000000
 _UNKNOWN_COVARIANCE = [math.nan] + [0.0] * 20
 _FULL_MV, _HALF_MV = 16200, 15300
 _EARLY_TICK_S = 1e-6
+_NO_MISSION_TOTAL = 65535
 
 _FIX_TYPES = {fix: number for number, fix in enumerate(FixType)}
 
@@ -226,6 +228,23 @@ def _last_gps(plant: Plant) -> Message | None:
     return gps_raw(plant, plant.fix) if plant.fix is not None else None
 
 
+def mission_current(plant: Plant) -> Message:
+    """MISSION_CURRENT: without a mission the total is 65535, as PX4 says it."""
+    mission, flying = plant.autopilot.mission, plant.autopilot.mode is Mode.MISSION
+    state = mavlink.MISSION_STATE_PAUSED
+    if not mission.items:
+        state = mavlink.MISSION_STATE_NO_MISSION
+    elif mission.finished:
+        state = mavlink.MISSION_STATE_COMPLETE
+    elif flying:
+        state = mavlink.MISSION_STATE_ACTIVE
+    elif mission.current == 0:
+        state = mavlink.MISSION_STATE_NOT_STARTED
+    return mavlink.MAVLink_mission_current_message(
+        mission.current, len(mission.items) or _NO_MISSION_TOTAL, state, 1 if flying else 2
+    )
+
+
 def home_position(plant: Plant) -> Message:
     """HOME_POSITION: set anew at each arming."""
     pilot = plant.autopilot
@@ -326,6 +345,7 @@ STREAMS: tuple[Stream, ...] = (
     Stream(mavlink.MAVLINK_MSG_ID_HOME_POSITION, 0.5, home_position),
     Stream(mavlink.MAVLINK_MSG_ID_ALTITUDE, 10.0, altitude),
     Stream(mavlink.MAVLINK_MSG_ID_VFR_HUD, 10.0, vfr_hud),
+    Stream(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, 1.0, mission_current),
     Stream(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, 1.0, system_time),
     Stream(mavlink.MAVLINK_MSG_ID_PING, 1.0, ping),
     Stream(mavlink.MAVLINK_MSG_ID_TIMESYNC, 10.0, timesync),
