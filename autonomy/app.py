@@ -15,8 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
-import msgspec
-
 from autonomy.config import Config, load_config
 from autonomy.embedded import EmbeddedPx4
 from autonomy.errors import BadInput
@@ -24,13 +22,14 @@ from autonomy.flight import Flight
 from autonomy.flightlog.recorder import FlightRecorder
 from autonomy.handover import hand_over
 from autonomy.mission.preflight import check_route
-from autonomy.model import Ending, OperatorCommand, Outcome
+from autonomy.model import OperatorCommand, Outcome
 from autonomy.progress import Progress
-from autonomy.report import EXIT_CODES, FlightReport, FlyOptions
+from autonomy.report import FlightReport, FlyOptions, with_truth
 from autonomy.service.lock import Holder, VehicleHeld, VehicleLock, utc_now
 from autonomy.simulation import with_scenario
 from autonomy.tally import Tally
 from autonomy.termination import termination_signals
+from autonomy.virtual_world import near_miss, typed_driver, warning, with_virtual_world
 from autonomy.warm import warm_up
 from hal import registry
 from hal.clock import MonotonicClock
@@ -52,6 +51,9 @@ class Mission:
     options: FlyOptions
     config: Config
     scenario: Scenario | None
+    """The simulated world that the vehicle is really in."""
+    virtual: Scenario | None = None
+    """The world that its beams alone look into."""
 
     def route_ned_m(self, start_yaw_rad: float) -> tuple[Vector3, ...]:
         """The goals in NED about the take-off point; the heading matters for frame `body` only.
@@ -63,8 +65,9 @@ class Mission:
             for goal in self.options.goals
         )
         check_route(self.config, route)
-        if self.scenario is not None:
-            _check_goals_are_free(self.config, self.scenario, route)
+        for world in (self.scenario, self.virtual):
+            if world is not None:
+                _check_goals_are_free(self.config, world, route)
         return route
 
 
@@ -79,9 +82,14 @@ def prepare_with(config: Config, options: FlyOptions) -> Mission:
     """As `prepare`, with a loaded configuration; `options.config_path` is not read."""
     config = _with_options(config, options)
     scenario = load_scenario(options.scenario) if options.scenario is not None else None
+    virtual = None
     if scenario is not None:
         config = with_scenario(config, scenario)
-    mission = Mission(options, config, scenario)
+    else:
+        driver = typed_driver(options, config.beams.virtual())
+        if driver is not None:
+            config, virtual = with_virtual_world(config, driver)
+    mission = Mission(options, config, scenario, virtual)
     if scenario is not None:
         mission.route_ned_m(math.radians(scenario.start_yaw_deg))
     else:
@@ -125,9 +133,7 @@ def fly(options: FlyOptions) -> FlightReport:
             connection = embedded.connection
         report = asyncio.run(_fly(mission, connection, recorder, progress))
         if embedded is not None:
-            truth_m = embedded.true_clearance_m()
-            if truth_m is not None:
-                report = _with_truth(report, truth_m)
+            report = with_truth(report, embedded.true_clearance_m())
         progress.report(report)
     return report
 
@@ -149,6 +155,9 @@ async def _fly(
             recorder.route(route)
         sensors = registry.range_sensors(config.beams, vehicle, clock)
         gnss = registry.gnss(config.gnss, vehicle, clock)
+        driver = config.beams.virtual()
+        if driver is not None:
+            progress.note(warning(driver))
         deadman = Deadman(config.deadman, vehicle.stop_now, vehicle.hold_now, clock)
         flight = Flight(
             config,
@@ -167,7 +176,7 @@ async def _fly(
                 outcome = await flight.run()
     finally:
         await vehicle.close()
-    return report_of(mission, route, outcome, flight.tally, recorder)
+    return report_of(mission, route, outcome, flight.tally, recorder, sensors)
 
 
 # ---------------------------------------------------------------- before the flight
@@ -257,11 +266,12 @@ def flight_recorder(mission: Mission) -> Iterator[FlightRecorder]:
     A start that failed before the first tick leaves no file. Raises BadInput when none can be made.
     """
     options, config = mission.options, mission.config
+    virtual = config.beams.virtual()
     recorder = FlightRecorder.in_folder(
         Path(options.log_dir or config.log.directory),
         config_json=config.model_dump_json(),
-        scenario=options.scenario,
-        seed=options.seed if options.scenario is not None else None,
+        scenario=virtual.scenario if virtual is not None else options.scenario,
+        seed=virtual.seed if virtual else options.seed if options.scenario is not None else None,
     )
     try:
         with recorder:
@@ -364,30 +374,21 @@ def report_of(
     outcome: Outcome,
     tally: Tally,
     recorder: FlightRecorder | None,
+    sensors: registry.Sensors,
 ) -> FlightReport:
-    """What the flight was."""
+    """What the flight was; where beams were virtual, with what they know of it."""
+    virtual = mission.config.beams.virtual()
     simulated = mission.scenario is not None
-    return tally.report(
+    report = tally.report(
         outcome,
         route,
         body_radius_m=mission.config.body.radius_m,
         log_path=str(recorder.path) if recorder is not None else None,
         log_notes=recorder.notes() if recorder is not None else (),
-        scenario=mission.options.scenario,
-        seed=mission.options.seed if simulated else None,
+        scenario=virtual.scenario if virtual is not None else mission.options.scenario,
+        seed=virtual.seed if virtual else mission.options.seed if simulated else None,
     )
-
-
-def _with_truth(report: FlightReport, true_clearance_m: float) -> FlightReport:
-    """The report with the clearance that the simulated world knows; touching is never success."""
-    touched = true_clearance_m <= report.body_radius_m
-    if touched and report.ending is Ending.GOAL_REACHED:
-        report = msgspec.structs.replace(
-            report,
-            ending=Ending.INTERNAL,
-            exit_code=int(EXIT_CODES[Ending.INTERNAL]),
-            why=f"the vehicle touched an obstacle ({true_clearance_m:.3f} m from its centre)",
-        )
-    return msgspec.structs.replace(
-        report, minimum_clearance_m=true_clearance_m, clearance_is_true=True
-    )
+    missed = near_miss(sensors)
+    if missed is None:
+        return report
+    return with_truth(report, missed.least_m, missed.collisions, by_reported_pose=True)

@@ -167,6 +167,13 @@ def main() -> None:
 @click.option("--log/--no-log", default=True, help="Record the flight.")
 @click.option("--timeout", type=float, callback=_positive, help="Time limit in seconds.")
 @click.option("--mode", type=click.Choice(["stop", "rolling"]), help="Stop to plan, or roll on.")
+@click.option(
+    "--beams",
+    metavar="virtual:SCENARIO",
+    help="Cast the range beams from the vehicle's reported pose into a scenario: a real PX4 flies "
+    "past obstacles that are not there. It does not see what is.",
+)
+@click.option("--send-beams", is_flag=True, help="Show the virtual beams to a ground station.")
 @click.pass_context
 def fly(
     context: click.Context,
@@ -184,6 +191,8 @@ def fly(
     log: bool,
     timeout: float | None,
     mode: str | None,
+    beams: str | None,
+    send_beams: bool,
 ) -> None:
     r"""Fly one mission: check, arm, take off, reach the goal, land.
 
@@ -199,8 +208,10 @@ def fly(
         raise click.UsageError(
             "say what to fly: --sim for the simulated vehicle, or --connection URL for a real one"
         )
+    if scenario is not None and (beams is not None or send_beams):
+        raise click.UsageError("--sim has beams of its own: --beams is for a real vehicle")
     if not goals:
-        goals = (_suggested_goal(scenario, frame),)
+        goals = (_suggested_goal(scenario or (beams or "").partition(":")[2] or None, frame),)
     from autonomy import app
     from autonomy.report import FlyOptions
 
@@ -219,6 +230,8 @@ def fly(
             log=log,
             time_limit_s=timeout,
             mode=mode,
+            beams=beams,
+            send_beams=send_beams,
         )
     )
     context.exit(report.exit_code)

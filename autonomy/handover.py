@@ -42,6 +42,11 @@ def hand_over(options: FlyOptions, holder: Holder, progress: Progress) -> Flight
 
 def order_of(options: FlyOptions) -> MissionOrder:
     """What was typed, as an order; raises BadInput for what a service is not asked to do."""
+    if options.beams is not None or options.send_beams:
+        raise BadInput(
+            "a service holds the vehicle, and flies it with its own range sensors: end it, or give "
+            "it virtual beams in its configuration (beams.drivers)"
+        )
     goals = tuple([value for value in goal if value is not None] for goal in options.goals)
     order = MissionOrder(
         goals=goals,

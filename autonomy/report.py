@@ -45,13 +45,19 @@ class FlyOptions(msgspec.Struct, frozen=True):
     log: bool = True
     time_limit_s: float | None = None
     mode: str | None = None
+    beams: str | None = None
+    """Instead of the configured range sensors: `virtual:SCENARIO`."""
+    send_beams: bool = False
 
 
 class FlightReport(msgspec.Struct, frozen=True):
     """What a flight was. Lengths in metres, times in seconds.
 
     `minimum_clearance_m` is from the vehicle's centre to the nearest surface: the true one from
-    the simulated world when `clearance_is_true`, else the nearest mapped hit.
+    the simulated world when `clearance_is_true`, else the nearest mapped hit. `collisions` is how
+    often the body began to touch something, None where nobody knows. With
+    `clearance_by_reported_pose` both are those of a virtual room, seen from where the autopilot
+    believed to be.
     `timing` is Algorithm 1's record: the computing time of each replan.
     """
 
@@ -66,6 +72,8 @@ class FlightReport(msgspec.Struct, frozen=True):
     replans: int = 0
     minimum_clearance_m: float | None = None
     clearance_is_true: bool = False
+    clearance_by_reported_pose: bool = False
+    collisions: int | None = None
     body_radius_m: float = 0.15
     max_speed_m_s: float = 0.0
     timing: TimingRecord | None = None
@@ -81,6 +89,37 @@ class FlightReport(msgspec.Struct, frozen=True):
     scenario: str | None = None
 
 
+def with_truth(
+    report: FlightReport,
+    least_m: float | None,
+    collisions: int | None = None,
+    *,
+    by_reported_pose: bool = False,
+) -> FlightReport:
+    """The report with the clearance that a simulated world knows; touching is never success.
+
+    `least_m` None: it never flew, or nothing was there.
+    """
+    if least_m is None and not by_reported_pose:
+        return report
+    touched = bool(collisions) or (least_m is not None and least_m <= report.body_radius_m)
+    if touched and report.ending is Ending.GOAL_REACHED:
+        where = f"{least_m:.3f} m from its centre" if least_m is not None else "from below or above"
+        report = msgspec.structs.replace(
+            report,
+            ending=Ending.INTERNAL,
+            exit_code=int(EXIT_CODES[Ending.INTERNAL]),
+            why=f"the vehicle touched an obstacle ({where})",
+        )
+    return msgspec.structs.replace(
+        report,
+        minimum_clearance_m=least_m,
+        clearance_is_true=True,
+        clearance_by_reported_pose=by_reported_pose,
+        collisions=collisions,
+    )
+
+
 def report_table(report: FlightReport) -> "Table":
     """The report for people, as a rich table of two columns."""
     from rich.table import Table
@@ -92,12 +131,12 @@ def report_table(report: FlightReport) -> "Table":
     table.add_column()
     title = report.ending.value.replace("_", " ").capitalize()
     table.add_row("", Text(title, style="bold green" if good else "bold red"))
-    for name, value in _rows(report):
+    for name, value in report_rows(report):
         table.add_row(name, Text(value))
     return table
 
 
-def _rows(report: FlightReport) -> list[tuple[str, str]]:
+def report_rows(report: FlightReport) -> list[tuple[str, str]]:
     """(name, value) of everything that was measured."""
     goals = [f"({north:g}, {east:g}, {down:g})" for north, east, down in report.route_ned_m]
     rows = [
@@ -106,6 +145,7 @@ def _rows(report: FlightReport) -> list[tuple[str, str]]:
         ("flight time", f"{report.flight_time_s:.1f} s"),
         ("path flown", _path(report)),
         ("clearance", _clearance(report)),
+        *((("collisions", str(report.collisions)),) if report.collisions is not None else ()),
         ("top speed", f"{report.max_speed_m_s:.2f} m/s"),
         ("stops, replans", f"{report.stops}, {report.replans}"),
     ]
@@ -138,6 +178,8 @@ def _clearance(report: FlightReport) -> str:
     if report.minimum_clearance_m is None:
         return "nothing was near"
     kind = "true" if report.clearance_is_true else "as mapped"
+    if report.clearance_by_reported_pose:
+        kind = "to the virtual room, by the reported pose"
     skin_m = report.minimum_clearance_m - report.body_radius_m
     return (
         f"{report.minimum_clearance_m:.3f} m at least, from the centre ({kind}); "

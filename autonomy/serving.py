@@ -522,7 +522,7 @@ class Service:
             status = vehicle.status()
             ours = status.armed and flight.custody.holds(status.mode)
             self._left_in_air = flight.custody if ours else None
-        return app.report_of(mission, route, outcome, flight.tally, recorder)
+        return app.report_of(mission, route, outcome, flight.tally, recorder, connected.sensors)
 
     def _recorder(self, mission: app.Mission, stack: ExitStack) -> FlightRecorder | None:
         """The flight's log; a disk that refuses it is told, and does not keep anybody down."""

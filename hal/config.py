@@ -242,7 +242,21 @@ def _wakes_at_the_others_address(sensor: I2cSensorConfig, other: I2cSensorConfig
     )
 
 
-RangeDriver = Annotated[MavlinkDriver | I2cDriver, Field(discriminator="driver")]
+class VirtualDriver(Section):
+    """All beams, cast from the vehicle's reported pose into a scenario: obstacles that are not
+    there. The scenario's origin is where the vehicle is first armed (hal/ranging/README.md).
+    """
+
+    driver: Literal["virtual"]
+    scenario: str = Field(min_length=1)
+    """A shipped name or the path of a YAML file; its beams' noise and faults count too."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Of the noise."""
+    send: bool = False
+    """Also send them to the vehicle, so that a ground station shows them; not what looks down."""
+
+
+RangeDriver = Annotated[MavlinkDriver | I2cDriver | VirtualDriver, Field(discriminator="driver")]
 
 
 class BeamsConfig(Section):
@@ -266,6 +280,15 @@ class BeamsConfig(Section):
 
     @model_validator(mode="after")
     def _every_beam_has_one_driver(self) -> "BeamsConfig":
+        if self.virtual() is not None:
+            if len(self.drivers) > 1:
+                others = ", ".join(d.driver for d in self.drivers if d.driver != "virtual")
+                raise ValueError(
+                    "drivers: virtual beams look into a room that is not there, and others "
+                    f"({others or 'a second virtual'}) into another; a map of both would be of "
+                    "neither: list virtual alone, or remove it"
+                )
+            return self
         names = {mount.name for mount in self.mounts}
         driven = [sensor.beam for driver in self._on_i2c() for sensor in driver.sensors]
         for beam in driven:
@@ -286,11 +309,18 @@ class BeamsConfig(Section):
             )
         return self
 
+    def virtual(self) -> VirtualDriver | None:
+        """The driver of virtual beams, where there is one; it has all beams then."""
+        return next((d for d in self.drivers if isinstance(d, VirtualDriver)), None)
+
     def _on_i2c(self) -> tuple[I2cDriver, ...]:
         return tuple(driver for driver in self.drivers if isinstance(driver, I2cDriver))
 
     def over_mavlink(self) -> tuple[BeamMount, ...]:
-        """The mounts whose readings come over the vehicle's link: all that no sensor here has."""
+        """The mounts whose readings come over the vehicle's link: all that no sensor here has.
+
+        Virtual beams count: they need the vehicle's pose.
+        """
         driven = {sensor.beam for driver in self._on_i2c() for sensor in driver.sensors}
         return tuple(mount for mount in self.mounts if mount.name not in driven)
 

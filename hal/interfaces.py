@@ -6,7 +6,7 @@ cancelled at any await: cancelling never changes what the vehicle does by itself
 """
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import msgspec
 
@@ -26,6 +26,7 @@ from hal.setpoints import Reply, Request, Setpoint
 __all__ = [
     "Clock",
     "GnssReceiver",
+    "MessageSink",
     "MessageSource",
     "RangeSensor",
     "SeenSpace",
@@ -145,6 +146,19 @@ class MessageSource(Protocol):
 
         Monotonic seconds, never after the reception; the reception itself when the sender's
         clock is not known.
+        """
+        ...
+
+
+@runtime_checkable
+class MessageSink(Protocol):
+    """A link that carries messages to the vehicle which its adapter does not know."""
+
+    def send_message(self, name: str, fields_json: str) -> None:
+        """Put one message on the link, as this program; lost when the link is closed.
+
+        `fields_json` holds the fields under MAVLink's names and units. From any thread; returns at
+        once.
         """
         ...
 

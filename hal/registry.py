@@ -11,18 +11,22 @@ from hal.config import (
     MavlinkDriver,
     SerialGnssConfig,
     VehicleConfig,
+    VirtualDriver,
 )
+from hal.errors import ReadingRefused
 from hal.gnss.autopilot_gnss import AutopilotGnss
 from hal.gnss.serial_receiver import SerialReceiver
-from hal.interfaces import Clock, GnssReceiver, MessageSource, RangeSensor, Vehicle
+from hal.interfaces import Clock, GnssReceiver, MessageSink, MessageSource, RangeSensor, Vehicle
 from hal.ranging.distance_sensor import MavlinkDistanceSensor
 from hal.ranging.i2c_range_sensor import I2cRangeSensor
+from hal.ranging.told_beams import BeamTeller
+from hal.ranging.virtual_beams import PoseSource, VirtualBeams
 
 Sensors = tuple[RangeSensor, ...]
 Gnss = GnssReceiver | None
 
 
-class LinkedVehicle(Vehicle, MessageSource, Protocol):
+class LinkedVehicle(Vehicle, MessageSource, MessageSink, Protocol):
     """A vehicle behind a link that drivers can listen to and the deadman can stop."""
 
     def hold_now(self) -> bool:
@@ -53,9 +57,15 @@ def vehicle(config: VehicleConfig, beams: BeamsConfig, clock: Clock) -> LinkedVe
 def range_sensors(beams: BeamsConfig, source: MessageSource, clock: Clock) -> Sensors:
     """The drivers of all configured beams; not open yet.
 
-    Raises ReadingRefused when the mounts cannot be told apart over MAVLink.
+    Raises ReadingRefused when the mounts cannot be told apart over MAVLink, DocumentError when a
+    virtual room does not exist or is none.
     """
     sensors: list[RangeSensor] = list(local_range_sensors(beams, clock))
+    sensors += [
+        _virtual(driver, beams, source, clock)
+        for driver in beams.drivers
+        if isinstance(driver, VirtualDriver)
+    ]
     if beams.over_mavlink() and any(isinstance(d, MavlinkDriver) for d in beams.drivers):
         own = beams.model_copy(update={"mounts": beams.over_mavlink()})
         sensors.append(MavlinkDistanceSensor(source, own))
@@ -66,6 +76,25 @@ def local_range_sensors(beams: BeamsConfig, clock: Clock) -> Sensors:
     """The drivers of the beams that are wired to this computer and need no vehicle."""
     wired = (driver for driver in beams.drivers if isinstance(driver, I2cDriver))
     return tuple(I2cRangeSensor(driver, beams, clock) for driver in wired)
+
+
+def _virtual(
+    driver: VirtualDriver, beams: BeamsConfig, source: MessageSource, clock: Clock
+) -> VirtualBeams:
+    # The simulated world is not loaded for those who fly in the real one.
+    from hal.sim.scenario import load_scenario
+    from hal.sim.virtual_room import VirtualRoom
+
+    if not isinstance(source, PoseSource):
+        raise ReadingRefused(
+            "virtual beams are cast from a vehicle's pose, which this link does not tell; "
+            "connect a vehicle"
+        )
+    teller = None
+    if driver.send and isinstance(source, MessageSink):
+        teller = BeamTeller(source, beams)
+    room = VirtualRoom(load_scenario(driver.scenario), beams, driver.seed)
+    return VirtualBeams(room, source, clock, teller=teller)
 
 
 def gnss(config: GnssConfig, source: MessageSource, clock: Clock) -> Gnss:

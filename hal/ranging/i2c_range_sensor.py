@@ -2,10 +2,8 @@
 
 import asyncio
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
 
 from hal.clock import Clock
 from hal.config import (
@@ -25,6 +23,7 @@ from hal.ranging.ranger import Addressable, Limits, Ranger
 from hal.ranging.tca9548a import Channel, Switches
 from hal.ranging.vl53l0x import Vl53l0x
 from hal.ranging.vl53l1x import Vl53l1x
+from hal.ranging.waiter import ThreadWaiter, Waiter
 from hal.readings import RangeReading
 
 _KEPT = 256
@@ -33,41 +32,6 @@ _REFUSED_AFTER = 2
 """A chip that says twice in a row who it is was not misheard."""
 _MUX_RESET_S = 0.001
 _JOIN_S = 2.0
-
-
-class Waiter(Protocol):
-    """How the driver's thread lets time pass."""
-
-    def wait(self, seconds: float) -> bool:
-        """Wait, at most; True as soon as the thread is to end."""
-        ...
-
-    def pause(self, seconds: float) -> None:
-        """Wait within a transaction of some milliseconds."""
-        ...
-
-    def stop(self) -> None:
-        """Tell the thread to end; for any thread."""
-        ...
-
-
-class ThreadWaiter:
-    """`Waiter` in the machine's own time."""
-
-    def __init__(self) -> None:
-        self._stopped = threading.Event()
-
-    def wait(self, seconds: float) -> bool:
-        """Wait, at most; True as soon as the thread is to end."""
-        return self._stopped.wait(seconds)
-
-    def pause(self, seconds: float) -> None:
-        """Wait within a transaction of some milliseconds."""
-        time.sleep(seconds)
-
-    def stop(self) -> None:
-        """Tell the thread to end."""
-        self._stopped.set()
 
 
 class I2cRangeSensor:

@@ -29,7 +29,7 @@ class RayBundles:
         self.faces: FloatArray = np.array(faces_frd_m, dtype=np.float64).reshape(-1, 3)
         self.rays: FloatArray = np.array(
             [self._cone(axis, half_angle_rad) for axis in axes_frd], dtype=np.float64
-        ).reshape(len(axes_frd), -1, 3)
+        ).reshape(len(axes_frd), len(self._cone((1.0, 0.0, 0.0), half_angle_rad)), 3)
         self.distances: FloatArray = np.zeros(len(axes_frd))
 
     @classmethod

@@ -217,7 +217,7 @@ class MavsdkVehicle:
         self.unreadable = 0
         """Messages that were no measurement or could not be decoded, since construction."""
         self.unsent = 0
-        """Setpoints that met a closed link or that the library refused."""
+        """Setpoints and messages that met a closed link or that the library refused."""
 
     # ---------------------------------------------------------------- life
 
@@ -424,6 +424,19 @@ class MavsdkVehicle:
         if message.component_id != _AUTOPILOT_COMPONENT:
             return message.received_s
         return self._boot.stamp_s(message.received_s, boot_s)
+
+    def send_message(self, name: str, fields_json: str) -> None:
+        """See `hal.interfaces.MessageSink`."""
+        message = MavlinkMessage(name, 0, 0, 0, 0, fields_json)
+        try:
+            with self._door:
+                if self._link is None:
+                    self.unsent += 1
+                    return
+                self._link.direct.send_message(message)
+        except MavsdkError as error:
+            self.unsent += 1
+            _LOG.warning("a %s was not sent: %s", name, error)
 
     # ---------------------------------------------------------------- what it hears
 

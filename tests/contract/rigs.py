@@ -21,9 +21,11 @@ from hal.gnss.autopilot_gnss import AutopilotGnss
 from hal.gnss.serial_receiver import PortState, SerialReceiver
 from hal.interfaces import Clock, GnssReceiver, RangeSensor, Vehicle
 from hal.ranging.distance_sensor import MavlinkDistanceSensor
+from hal.ranging.virtual_beams import VirtualBeams
 from hal.sim.autopilot import Autopilot
 from hal.sim.scenario import load_scenario
 from hal.sim.vehicle import SimVehicle
+from hal.sim.virtual_room import VirtualRoom
 from tests.support import i2c_rig, readme_driver
 from tests.support.gnss import PtyReceiver, moved_deg, nav_pvt
 from tests.support.link import SpokenLink
@@ -225,6 +227,46 @@ class BusRig:
         self.bench.bus.dead = False
 
 
+class VirtualRig(SimulatedRig):
+    """Virtual beams around the simulated vehicle, their thread in step with its time."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._time = LockstepTime()
+        self.range_sensor: RangeSensor | None = VirtualBeams(
+            VirtualRoom(load_scenario("default"), BeamsConfig(), 5),
+            self.simulated,
+            self.clock,
+            new_waiter=self._time.new_waiter,
+        )
+        self._ticking: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> Self:
+        self._ticking = asyncio.get_running_loop().create_task(self._tick_on())
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        if self.range_sensor is not None:
+            await self.range_sensor.close()
+        if self._ticking is not None:
+            self._ticking.cancel()
+            await asyncio.gather(self._ticking, return_exceptions=True)
+        await super().__aexit__()
+
+    async def _tick_on(self) -> None:
+        while True:
+            self._tick()
+            await asyncio.sleep(0.001)
+
+    def _tick(self) -> None:
+        self.simulated.advance(_TICK_S)
+        self._time.advance(_TICK_S)
+
+    async def pass_time(self, seconds: float) -> None:
+        for _ in range(round(seconds / _TICK_S)):
+            self._tick()
+
+
 class SerialGnssRig(SimulatedRig):
     """The serial receiver on a pseudo-terminal; the simulated vehicle stands beside it."""
 
@@ -285,13 +327,15 @@ IN_PROCESS: dict[str, Callable[[], Rig]] = {
     "simulated": SimulatedRig,
     "spoken": SpokenRig,
     "serial": SerialGnssRig,
+    "virtual": VirtualRig,
     "vl53l0x behind tca9548a": lambda: BusRig(i2c_rig.behind_a_multiplexer),
     "vl53l1x with xshut": lambda: BusRig(i2c_rig.with_xshut_lines),
     "gp2y0a21 on ads1115": lambda: BusRig(i2c_rig.on_converters),
     "mixed i2c": lambda: BusRig(i2c_rig.mixed),
     "the README's example": lambda: BusRig(readme_driver.worked_example),
 }
-ON_A_BUS = tuple(name for name in IN_PROCESS if name not in ("simulated", "spoken", "serial"))
+_NOT_ON_A_BUS = ("simulated", "spoken", "serial", "virtual")
+ON_A_BUS = tuple(name for name in IN_PROCESS if name not in _NOT_ON_A_BUS)
 OVER_THE_WIRE: dict[str, Callable[[EmbeddedPx4], Rig]] = {"mavsdk": MavsdkRig}
 
 

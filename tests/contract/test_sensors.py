@@ -12,7 +12,7 @@ from hal.readings import RangeStatus
 from tests.contract.rigs import ON_A_BUS, Rig, build, parameters
 
 
-@pytest.fixture(params=parameters("spoken", *ON_A_BUS))
+@pytest.fixture(params=parameters("spoken", "virtual", *ON_A_BUS))
 async def rig(request: pytest.FixtureRequest) -> AsyncIterator[Rig]:
     """With range sensors."""
     async with build(request) as built:

@@ -9,7 +9,7 @@ _LEAST_S = 1e-4
 
 
 class LockstepWaiter:
-    """`hal.ranging.i2c_range_sensor.Waiter` whose time is the test's."""
+    """`hal.ranging.waiter.Waiter` whose time is the test's."""
 
     def __init__(self, time: "LockstepTime") -> None:
         self._time = time

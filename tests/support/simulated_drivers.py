@@ -37,6 +37,9 @@ class DrivenVehicle(SimVehicle):
         """When it was received."""
         return message.received_s
 
+    def send_message(self, name: str, fields_json: str) -> None:
+        """Nothing goes over a wire."""
+
     def hold_now(self) -> bool:
         """The deadman's second step."""
         if self.status().mode is not FlightMode.OFFBOARD:

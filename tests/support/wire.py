@@ -6,6 +6,7 @@ import socket
 import struct
 import threading
 import time
+from collections.abc import Collection
 from types import TracebackType
 from typing import NamedTuple, Self
 
@@ -34,10 +35,13 @@ class SentTarget(NamedTuple):
 class WireTap:
     """Passes datagrams on in both directions and keeps the setpoints among them.
 
-    The vehicle sends to `port`; the client listens on `client_port`.
+    The vehicle sends to `port`; the client listens on `client_port`. Frames of the client whose
+    message ids are in `keep` are kept as they were.
     """
 
-    def __init__(self, port: int, client_port: int) -> None:
+    def __init__(self, port: int, client_port: int, keep: Collection[int] = ()) -> None:
+        self._keep = frozenset(keep)
+        self.kept: list[bytes] = []
         self._from_vehicle = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._from_vehicle.bind(("127.0.0.1", port))
         self._from_client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -83,7 +87,10 @@ class WireTap:
         while len(data) > _HEADER_BYTES and data[0] == _MAVLINK2:
             length = data[1]
             payload = data[_HEADER_BYTES : _HEADER_BYTES + length].ljust(_TARGET.size, b"\0")
-            if int.from_bytes(data[7:10], "little") == SET_POSITION_TARGET_LOCAL_NED:
+            message_id = int.from_bytes(data[7:10], "little")
+            if message_id in self._keep:
+                self.kept.append(data[: _HEADER_BYTES + length + 2])
+            if message_id == SET_POSITION_TARGET_LOCAL_NED:
                 _, x, y, z, vx, vy, vz, _, _, _, yaw, _, mask, _, _, frame = _TARGET.unpack(
                     payload[: _TARGET.size]
                 )

@@ -10,8 +10,9 @@ from hal.clock import MonotonicClock, SimClock
 from hal.config import BeamMount, BeamsConfig, I2cDriver, six_beams
 from hal.errors import ConnectionFailed
 from hal.ranging.distance_sensor import MavlinkDistanceSensor
-from hal.ranging.i2c_range_sensor import I2cRangeSensor, ThreadWaiter
+from hal.ranging.i2c_range_sensor import I2cRangeSensor
 from hal.ranging.ranger import Limits, Measured
+from hal.ranging.waiter import ThreadWaiter
 from hal.readings import RangeStatus
 from tests.support import i2c_rig
 from tests.support.link import SpokenLink
