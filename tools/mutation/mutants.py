@@ -73,7 +73,12 @@ def mutants_of(root: Path, module: Path, definitions: frozenset[str]) -> list[Mu
     ):
         init([root / module], db, {})
         specs = [mutation for item in db.work_items for mutation in item.mutations]
-    found = [_mutant(module, spec) for spec in specs if spec.operator_name in OPERATORS]
+    lines = (root / module).read_text().splitlines()
+    found = [
+        _mutant(module, spec)
+        for spec in specs
+        if spec.operator_name in OPERATORS and not _names_arguments(lines, spec)
+    ]
     wanted = [mutant for mutant in found if not definitions or mutant.definition in definitions]
     return sorted(wanted, key=lambda m: (m.line, m.operator, m.occurrence))
 
@@ -88,6 +93,12 @@ def mutated(original: str, mutant: Mutant) -> Mutated:
     changed = [(a.strip(), b.strip()) for a, b in pairs if a != b]
     olds, news = " | ".join(a for a, _ in changed), " | ".join(b for _, b in changed)
     return Mutated(source, f"{mutant.definition}: {olds} -> {news}")
+
+
+def _names_arguments(lines: list[str], spec: MutationSpec) -> bool:
+    """Whether it is the bare * of a signature, which cosmic-ray takes for a product."""
+    row, column = spec.start_pos
+    return lines[row - 1].startswith("*,", column)
 
 
 def _mutant(module: Path, spec: MutationSpec) -> Mutant:
