@@ -98,7 +98,7 @@ def mutated(original: str, mutant: Mutant) -> Mutated:
 def _names_arguments(lines: list[str], spec: MutationSpec) -> bool:
     """Whether it is the bare * of a signature, which cosmic-ray takes for a product."""
     row, column = spec.start_pos
-    return lines[row - 1].startswith("*,", column)
+    return bool(lines[row - 1].startswith("*,", column))
 
 
 def _mutant(module: Path, spec: MutationSpec) -> Mutant:
