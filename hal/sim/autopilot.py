@@ -13,8 +13,8 @@ import msgspec
 import numpy as np
 
 from hal.frames import ZERO3, Vector3, add, ned_from_frd, norm, scale, wrap_pi
-from hal.sim.mission import Mission, velocity_to
 from hal.sim import px4_events as events
+from hal.sim.mission import Mission, velocity_to
 from hal.sim.px4 import (
     AutopilotText,
     Landed,
@@ -36,6 +36,7 @@ _LIFT_OFF_OFFBOARD_S = -0.7
 _LANDING_DETECTED_S = 1.8
 _FREE_FALL_LANDED_S = 0.43
 _OFFBOARD_LOSS_JITTER_S = (0.02, 0.12)
+_COMPANION_LOSS_S = 4.5
 # Measured vertical profiles: velocity per height still to go, its limit and slew.
 _TAKEOFF_GAIN_PER_S, _TAKEOFF_MAX_M_S = 0.5, 0.77
 _RETURN_CLIMB_GAIN_PER_S = 0.4
@@ -532,7 +533,7 @@ class Autopilot:
         elif station is Change.BACK:
             self.say(Severity.INFO, "GCS connection regained", events.STATION_BACK)
             self._station_action = None
-        companion = self.companion.step(now_s, float(p["COM_OBC_LOSS_T"]))
+        companion = self.companion.step(now_s, _COMPANION_LOSS_S)
         if companion is Change.LOST:
             self.say(
                 Severity.CRITICAL, "Connection to mission computer lost", events.COMPANION_LOST

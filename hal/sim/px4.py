@@ -22,6 +22,7 @@ class Mode(IntEnum):
     ACRO = 0x00050000
     OFFBOARD = 0x00060000
     STABILIZED = 0x00070000
+    TERMINATION = 0x000A0000
     TAKEOFF = 0x02040000
     HOLD = 0x03040000
     MISSION = 0x04040000
@@ -43,6 +44,8 @@ class Mode(IntEnum):
         """The heartbeat's base_mode while disarmed (128 is added when armed)."""
         if self is Mode.OFFBOARD:
             return 17
+        if self is Mode.TERMINATION:
+            return 1
         return 29 if self.main == 4 else 81
 
     @property
@@ -53,7 +56,7 @@ class Mode(IntEnum):
     @property
     def needs_pilot(self) -> bool:
         """True for the modes that need a remote control, which this vehicle does not have."""
-        return self.main not in (4, 6)
+        return self.main not in (4, 6, 10)
 
 
 _FLIGHT_MODES = {
@@ -97,6 +100,7 @@ class SystemStatus(IntEnum):
     STANDBY = 3
     ACTIVE = 4
     CRITICAL = 5
+    FLIGHT_TERMINATION = 8
 
 
 class Severity(IntEnum):
