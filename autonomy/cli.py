@@ -14,6 +14,7 @@ import click
 
 from autonomy.errors import AutonomyError, ExitCode
 from autonomy.kernel_cache import ensure_place
+from autonomy.review import commands as review_commands
 from autonomy.service import commands as service_commands
 from hal.errors import (
     ConnectionFailed,
@@ -291,49 +292,6 @@ def plan(
     context.exit(int(ExitCode.GOAL_REACHED if result.reachable else ExitCode.UNREACHABLE))
 
 
-@main.command()
-@click.argument("log", type=_EXISTING)
-@click.pass_context
-def replay(context: click.Context, *, log: str) -> None:
-    """Fly the recorded inputs of LOG again and compare every decision, bit for bit."""
-    from autonomy.logbook import replay_log
-
-    result = replay_log(Path(log))
-    if result.exact:
-        click.echo(f"identical: {result.ticks} ticks replayed, every decision the same")
-        return
-    if result.gap is not None:
-        click.echo(
-            f"{result.ticks} ticks replayed and the same, then the log has a gap: {result.gap}"
-        )
-    else:
-        click.echo(f"the replay differs at {result.first_difference}")
-    context.exit(int(ExitCode.INTERNAL))
-
-
-@main.command()
-@click.argument("log", type=_EXISTING)
-@click.option("--json", "as_json", is_flag=True, help="As JSON.")
-@click.option("--picture", type=click.Path(dir_okay=False), help="Draw the flight into a PNG.")
-def report(*, log: str, as_json: bool, picture: str | None) -> None:
-    """Sum up the flight recorded in LOG."""
-    from autonomy.logbook import draw_log, report_of_log
-    from autonomy.report import report_table
-
-    if picture is not None:
-        draw_log(Path(log), Path(picture))
-
-    summary = report_of_log(Path(log))
-    if as_json:
-        import msgspec
-
-        click.echo(msgspec.json.format(msgspec.json.encode(summary)).decode())
-    else:
-        from rich.console import Console
-
-        Console(highlight=False).print(report_table(summary))
-
-
 @main.group(invoke_without_command=True)
 @click.pass_context
 def config(context: click.Context) -> None:
@@ -514,6 +472,7 @@ def serve(
     )
 
 
+review_commands.register(main)
 service_commands.register(main)
 
 

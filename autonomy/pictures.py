@@ -117,7 +117,7 @@ def draw_flight(
 
 def save_scenario(scenario: Scenario, path: Path) -> None:
     """Draw a scenario into a PNG file; raises BadInput when matplotlib is not installed."""
-    figure, axes = _figure()
+    figure, axes = new_figure()
     draw_scenario(axes, scenario)
     _title(axes, scenario.title)
     _save(figure, path)
@@ -132,7 +132,7 @@ def save_plan(
     discrete; without a plan the hits that bar the way. Raises BadInput when matplotlib is not
     installed or the file cannot be written.
     """
-    figure, axes = _figure()
+    figure, axes = new_figure()
     draw_scenario(axes, scenario.model_copy(update={"goal_ne_m": goal}), legend=False)
     if isinstance(plan, Plan):
         discs = [
@@ -168,7 +168,7 @@ def save_flight(
     matplotlib is not installed or the file cannot be written.
     """
     world = scenario or Scenario(name="flight", title="Flight", goal_ne_m=goal, fence=fence)
-    figure, axes = _figure()
+    figure, axes = new_figure()
     draw_scenario(axes, world.model_copy(update={"goal_ne_m": goal}), legend=False)
     draw_flight(axes, flown, legs=legs, hits=hits, stops=stops)
     _title(axes, f"{world.title}: {title}")
@@ -196,7 +196,11 @@ def _save(figure: Any, path: Path) -> None:
         raise BadInput(f"{path}: {str(error).splitlines()[0]}; end the name in .png") from None
 
 
-def _figure() -> tuple[Any, Any]:
+def new_figure(rows: int = 1, size: tuple[float, float] = (5.8, 6.6)) -> tuple[Any, Any]:
+    """A figure that no window shows, with its axes (several below one another: an array of them).
+
+    Raises BadInput when matplotlib is not installed.
+    """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -205,9 +209,9 @@ def _figure() -> tuple[Any, Any]:
             "pictures need matplotlib; install it with: pip install 'autonomy[plots]'"
         ) from None
 
-    figure = Figure(figsize=(5.8, 6.6), layout="constrained")
+    figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
-    return figure, figure.add_subplot()
+    return figure, figure.subplots(rows, sharex=True)
 
 
 def _solid_styles(obstacle: Disc | Box | Wall) -> tuple[dict[str, Any], ...]:

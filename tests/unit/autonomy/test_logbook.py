@@ -11,41 +11,10 @@ from autonomy.config import Config
 from autonomy.errors import ExitCode, NotReplayable
 from autonomy.flightlog.recorder import FlightRecorder
 from autonomy.logbook import replay_log, report_of_log
-from autonomy.model import Command, Ending, Inputs
-from autonomy.simulation import SimulatedFlight, Simulation, goal_of, with_scenario
+from autonomy.model import Ending
+from autonomy.simulation import SimulatedFlight, with_scenario
 from hal.sim.scenario import load_scenario
-
-
-class Recorded(Simulation):
-    """A simulation that remembers what its pilot was told last."""
-
-    told: Inputs
-
-    def inputs(self) -> Inputs:
-        self.told = super().inputs()
-        return self.told
-
-
-def fly(folder: Path, *, seed: int = 3) -> tuple[Path, SimulatedFlight]:
-    scenario = load_scenario("door")
-    config = with_scenario(Config(), scenario)
-    route = (goal_of(scenario, config),)
-    simulation = Recorded(scenario, config, route, seed=seed)
-    with FlightRecorder.in_folder(
-        folder,
-        config_json=config.model_dump_json(),
-        scenario="door",
-        seed=seed,
-        wait_when_full=True,
-    ) as recorder:
-        recorder.route(route)
-
-        def record(_: Simulation, command: Command) -> None:
-            recorder.tick(simulation.told, command, 2e-4)
-
-        flight = simulation.run(on_tick=record)
-    assert recorder.notes() == ()
-    return recorder.path, flight
+from tests.support.recorded import fly
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,1 @@
+"""After the flight: flown again from its log, judged, explained, shown."""

@@ -1,0 +1,86 @@
+"""The commands that look back at a flight: replay, report, explain."""
+
+from pathlib import Path
+
+import click
+
+from autonomy.errors import ExitCode
+
+_LOG = click.argument("log", type=click.Path(exists=True, dir_okay=False))
+
+
+def register(group: click.Group) -> None:
+    """Add the commands to the shell's group."""
+
+    @group.command()
+    @_LOG
+    @click.pass_context
+    def replay(context: click.Context, *, log: str) -> None:
+        """Fly the recorded inputs of LOG again and compare every decision, bit for bit."""
+        from autonomy.logbook import replay_log
+
+        result = replay_log(Path(log))
+        if result.exact:
+            click.echo(f"identical: {result.ticks} ticks replayed, every decision the same")
+            return
+        if result.gap is not None:
+            click.echo(
+                f"{result.ticks} ticks replayed and the same, then the log has a gap: {result.gap}"
+            )
+        else:
+            click.echo(f"the replay differs at {result.first_difference}")
+        context.exit(int(ExitCode.INTERNAL))
+
+    @group.command()
+    @_LOG
+    @click.option("--json", "as_json", is_flag=True, help="As JSON.")
+    @click.option("--picture", type=click.Path(dir_okay=False), help="Draw the flight into a PNG.")
+    @click.option(
+        "--html", type=click.Path(dir_okay=False), help="Write everything into one HTML file."
+    )
+    @click.pass_context
+    def report(
+        context: click.Context, *, log: str, as_json: bool, picture: str | None, html: str | None
+    ) -> None:
+        """Sum up the flight recorded in LOG.
+
+        With --html the flight is judged, too: exit code 1 when an invariant was broken.
+        """
+        from autonomy.logbook import draw_log, report_of_log
+        from autonomy.report import report_table
+
+        if picture is not None:
+            draw_log(Path(log), Path(picture))
+        summary = report_of_log(Path(log))
+        if as_json:
+            import msgspec
+
+            click.echo(msgspec.json.format(msgspec.json.encode(summary)).decode())
+        else:
+            from rich.console import Console
+
+            Console(highlight=False).print(report_table(summary))
+        if html is not None:
+            from autonomy.review import page
+
+            broken = page.write(Path(log), summary, Path(html))
+            for verdict in broken:
+                click.echo(f"broken at {verdict.broken_s:.2f} s: {verdict.promise}", err=True)
+            if broken:
+                context.exit(int(ExitCode.INTERNAL))
+
+    @group.command()
+    @_LOG
+    @click.option(
+        "--at",
+        "at_s",
+        type=click.FloatRange(min=0.0),
+        required=True,
+        help="Seconds after the first tick.",
+    )
+    def explain(*, log: str, at_s: float) -> None:
+        """Say in words what the vehicle was doing at one moment of LOG, and why."""
+        from autonomy.review.explain import explain as in_words
+        from autonomy.review.history import history_of
+
+        click.echo(in_words(history_of(Path(log)), at_s))

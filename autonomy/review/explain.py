@@ -1,0 +1,154 @@
+"""What the vehicle was doing at one moment, and why, in sentences."""
+
+import math
+from bisect import bisect_right
+
+from autonomy.config import GuidanceConfig
+from autonomy.errors import BadInput
+from autonomy.model import MissionState, NoPlan, ObstacleKind
+from autonomy.review.history import History, Moment, Replan
+from autonomy.review.invariants import PATH_STATES
+from hal.vehicle.guard import stopping_distance_m
+
+DOING: dict[MissionState, str] = {
+    MissionState.PREFLIGHT: "checking whether anything forbids the flight",
+    MissionState.ARM: "arming",
+    MissionState.TAKEOFF: "climbing, flown by PX4",
+    MissionState.OFFBOARD: "taking over from PX4: holding until it flies by our setpoints",
+    MissionState.CRUISE: "flying straight at the goal",
+    MissionState.STOP: "stopping",
+    MissionState.DETECT: "holding and turning, so that the beams see every direction",
+    MissionState.REPLAN: "planning",
+    MissionState.FOLLOW: "following the path that was planned",
+    MissionState.HOLD: "holding",
+    MissionState.LAND: "landing, flown by PX4",
+    MissionState.DONE: "done",
+    MissionState.YIELDED: "not flying: somebody else took the vehicle",
+}
+GUARD_WORDS: dict[str, str] = {
+    "setpoint_stale": "the setpoint was old",
+    "position_stale": "the position was old or unusable",
+    "leash": "the setpoint's position was too far from the vehicle",
+    "speed": "more than the top speed was asked for",
+    "climb": "more than the climb rate was asked for",
+    "altitude": "the altitude band would have been left",
+    "ceiling": "something was above",
+    "ground": "something was below",
+    "beam": "a beam read something nearer than allowed in that direction",
+    "brake": "the vehicle was faster than what stops in time",
+    "fence": "the fence was ahead",
+    "free_space": "the space ahead was not seen free far enough",
+}
+
+
+def explain(history: History, at_s: float) -> str:
+    """The moment `at_s` seconds after the first tick, told in words, one sentence a line.
+
+    Raises BadInput when the log does not reach so far.
+    """
+    times = [moment.now_s - history.start_s for moment in history.moments]
+    if not 0.0 <= at_s <= times[-1]:
+        raise BadInput(
+            f"{history.path}: the log covers 0 to {times[-1]:.1f} s; {at_s:g} s is not in it"
+        )
+    index = bisect_right(times, at_s) - 1
+    moment = history.moments[index]
+    lines = [
+        f"At {times[index]:.2f} s the vehicle was {DOING[moment.state]} ({moment.state.value}).",
+        *_since(history, index),
+        *_where(history, moment),
+        *_speed(history, moment),
+        *_guard(moment),
+        *_plan(history, moment),
+        *_next(history, index),
+    ]
+    return "\n".join(lines)
+
+
+def _since(history: History, index: int) -> list[str]:
+    """The last thing that was told before, which is the reason of the state."""
+    for moment in reversed(history.moments[: index + 1]):
+        if moment.events:
+            event = moment.events[-1]
+            return [f"Since {moment.now_s - history.start_s:.2f} s, because: {event.why}."]
+    return []
+
+
+def _where(history: History, moment: Moment) -> list[str]:
+    if not moment.known:
+        return ["It did not know where it was."]
+    north, east, _ = moment.position_ned_m
+    goal = history.route[-1]
+    gap_m = math.hypot(goal[0] - north, goal[1] - east)
+    line = (
+        f"It was {north:.2f} m north and {east:.2f} m east of the take-off point, "
+        f"{moment.altitude_m:.2f} m up, {gap_m:.2f} m from the last goal, "
+        f"moving at {moment.speed_m_s:.2f} m/s."
+    )
+    if not moment.streaming:
+        return [line]
+    skin_m = moment.clearance_m - history.config.body.radius_m
+    return [line, f"The nearest thing it knew was {skin_m:.2f} m from its body, or farther."]
+
+
+def _speed(history: History, moment: Moment) -> list[str]:
+    """Table 2 and the stopping distance, where it was on its way."""
+    if moment.state not in PATH_STATES or not moment.streaming:
+        return []
+    lines = [speed_rule(moment.speed_limit_m_s, history.config.guidance)]
+    if moment.ahead_m is not None:
+        guard = history.config.guard
+        need_m = stopping_distance_m(moment.speed_m_s, guard.reaction_s, guard.braking_m_s2)
+        lines.append(
+            f"{moment.ahead_m:.2f} m ahead were seen free, it needed {need_m:.2f} m to stop."
+        )
+    return lines
+
+
+def speed_rule(limit_m_s: float, guidance: GuidanceConfig) -> str:
+    """Which row of Table 2 a speed limit came from."""
+    if limit_m_s >= guidance.speed_max_m_s:
+        return f"Table 2 gave the maximum, {limit_m_s:.2f} m/s: nothing near, or receding from it."
+    if limit_m_s <= guidance.speed_min_m_s:
+        return f"Table 2 gave the minimum, {limit_m_s:.2f} m/s: something was near."
+    return f"Table 2 gave {limit_m_s:.2f} m/s, between minimum and maximum, for the clearance."
+
+
+def _guard(moment: Moment) -> list[str]:
+    reasons = [GUARD_WORDS.get(limit, limit) for limit in moment.limits]
+    return [f"The guard changed the setpoint: {'; '.join(reasons)}."] if reasons else []
+
+
+def _plan(history: History, moment: Moment) -> list[str]:
+    """The plan in force."""
+    made = [replan for replan in history.replans if replan.now_s <= moment.now_s]
+    if not made or not moment.streaming:
+        return []
+    return [
+        f"The plan was made at {made[-1].now_s - history.start_s:.2f} s: {plan_words(made[-1])}."
+    ]
+
+
+def plan_words(replan: Replan) -> str:
+    """One planning step in one clause."""
+    result = replan.result
+    kinds = [obstacle.kind for obstacle in result.obstacles]
+    discrete = kinds.count(ObstacleKind.DISCRETE)
+    seen = f"{discrete} discrete and {len(kinds) - discrete} continuous obstacles"
+    if isinstance(result, NoPlan):
+        return f"{seen}, no way ({result.reason})"
+    legs = ", ".join(dict.fromkeys(leg.kind.value for leg in result.legs))
+    others = len(result.rejected)
+    rejected = f"; longer or blocked: {others} other" if others else ""
+    return (
+        f"{seen}; {legs}, {result.length_m:.2f} m at {result.keep_out_m:.3f} m from every hit"
+        f"{rejected}"
+    )
+
+
+def _next(history: History, index: int) -> list[str]:
+    for moment in history.moments[index + 1 :]:
+        if moment.events:
+            event = moment.events[0]
+            return [f"Next, at {moment.now_s - history.start_s:.2f} s: {event.why}."]
+    return []

@@ -1,0 +1,143 @@
+"""The figures of a flight's page, as SVG text. matplotlib (extra `plots`) draws them."""
+
+import io
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from autonomy import pictures
+from autonomy.config import Config
+from autonomy.model import MissionState, ObstacleKind, Plan
+from autonomy.pictures import BLUE, GREEN, INK, LOW, ORANGE, PURPLE, SKY, SOLID_EDGE, VERMILION
+from autonomy.review.history import History, Moment, Replan
+from hal.sim.scenario import Scenario, load_scenario
+
+POINTS_MAX = 2000
+"""More moments than this are thinned for the curves: a page should open on a phone."""
+STATE_COLOURS: dict[MissionState, str] = {
+    MissionState.CRUISE: "#cfe8dc",
+    MissionState.FOLLOW: "#cfe3f2",
+    MissionState.STOP: "#f8d9c8",
+    MissionState.DETECT: "#fbeac4",
+    MissionState.HOLD: "#f3d5e3",
+}
+
+
+def map_svg(history: History) -> str:
+    """The room from above: path, every plan's legs, hits, obstacles by class, stops."""
+    figure, axes = pictures.new_figure()
+    scenario = load_scenario(history.scenario) if history.scenario else _empty(history.config)
+    goal = history.route[-1][:2]
+    world = scenario.model_copy(update={"goal_ne_m": goal})
+    pictures.draw_scenario(axes, world, legend=False)
+    plans = [replan.result for replan in history.replans if isinstance(replan.result, Plan)]
+    legs = [(leg.kind.value, leg.points) for plan in plans for leg in plan.legs]
+    discs = [
+        (obstacle.centre, obstacle.radius_m + plans[-1].keep_out_m)
+        for obstacle in (plans[-1].obstacles if plans else ())
+        if obstacle.kind is ObstacleKind.DISCRETE
+    ]
+    flying = [m for m in history.moments if m.known and m.altitude_m > 0.1]
+    stops = [
+        m.position_ned_m[:2]
+        for m in history.moments
+        if any(event.name == MissionState.STOP.value for event in m.events)
+    ]
+    pictures.draw_flight(
+        axes,
+        [m.position_ned_m[:2] for m in _thinned(flying)],
+        legs=legs,
+        hits=history.hits,
+        discs=discs,
+        stops=stops,
+    )
+    return _svg(figure)
+
+
+def timeline_svg(history: History) -> str:
+    """Speed with Table 2's limit, clearance with its floor, room ahead against stopping."""
+    figure, (fast, near) = pictures.new_figure(rows=2, size=(9.0, 4.6))
+    moments = _thinned(history.moments)
+    times = [m.now_s - history.start_s for m in moments]
+    for axes in (fast, near):
+        _shade_states(axes, history)
+        axes.grid(visible=True, color=LOW, lw=0.5)
+    fast.plot(times, [m.speed_m_s for m in moments], color=INK, lw=1.2, label="speed")
+    limit = [m.speed_limit_m_s if m.streaming and m.speed_limit_m_s else math.nan for m in moments]
+    fast.plot(times, limit, color=BLUE, lw=1.2, label="Table 2's limit")
+    fast.axhline(history.config.guard.speed_max_m_s, color=VERMILION, lw=0.8, ls=":")
+    fast.set_ylabel("m/s")
+    clearance = [m.clearance_m if m.streaming else math.nan for m in moments]
+    ahead = [math.nan if m.ahead_m is None else m.ahead_m for m in moments]
+    near.plot(times, clearance, color=GREEN, lw=1.2, label="nearest known hit")
+    near.plot(times, ahead, color=ORANGE, lw=1.0, label="seen free ahead (as far as it matters)")
+    near.axhline(history.config.body.radius_m, color=VERMILION, lw=0.8, ls=":", label="body")
+    near.set_ylabel("m from the centre")
+    near.set_xlabel("seconds since the first tick")
+    near.set_ylim(bottom=0.0)
+    for axes in (fast, near):
+        axes.legend(loc="upper left", fontsize=8, frameon=False, ncols=3)
+    _mark_guard(fast, history)
+    return _svg(figure)
+
+
+def persistence_svg(replan: Replan, config: Config) -> str:
+    """Persistence barcode of the hits of one replan, and the radius at which it was cut."""
+    figure, axes = pictures.new_figure(size=(3.2, 2.0))
+    finite = [death for death in replan.persistence if math.isfinite(death)]
+    keep_out_m = replan.result.keep_out_m if isinstance(replan.result, Plan) else 0.0
+    reach_m = 1.15 * max([*finite, 2.0 * keep_out_m, 2.0 * config.body.radius_m])
+    shown = sorted(replan.persistence)[-60:]
+    for row, death in enumerate(shown):
+        alive = death > keep_out_m
+        axes.plot([0.0, min(death, reach_m)], [row, row], color=PURPLE if alive else SKY, lw=1.4)
+    axes.axvline(keep_out_m, color=VERMILION, lw=1.0, ls="--")
+    axes.set_yticks([])
+    axes.set_xlim(0.0, reach_m)
+    axes.tick_params(labelsize=7, colors=SOLID_EDGE)
+    axes.set_xlabel("radius, m", fontsize=8, color=SOLID_EDGE)
+    return _svg(figure)
+
+
+def _shade_states(axes: Any, history: History) -> None:
+    """A band for every stretch in one state."""
+    begun = history.moments[0]
+    last = history.moments[-1]
+    for moment in (*history.moments[1:], last):
+        if moment.state is begun.state and moment is not last:
+            continue
+        colour = STATE_COLOURS.get(begun.state)
+        if colour is not None:
+            axes.axvspan(
+                begun.now_s - history.start_s, moment.now_s - history.start_s, color=colour, lw=0
+            )
+        begun = moment
+
+
+def _mark_guard(axes: Any, history: History) -> None:
+    """A tick on the time axis wherever the guard changed a setpoint."""
+    times = [m.now_s - history.start_s for m in history.moments if m.limits]
+    if times:
+        axes.plot(times, [0.0] * len(times), "|", color=VERMILION, ms=9, label="guard")
+
+
+def _thinned(moments: Sequence[Moment]) -> Sequence[Moment]:
+    return moments[:: max(1, math.ceil(len(moments) / POINTS_MAX))]
+
+
+def _empty(config: Config) -> Scenario:
+    """A flight in a real room: only the fence is known."""
+    return Scenario(name="flight", title="Flight", goal_ne_m=(0.0, 0.0), fence=config.guard.fence)
+
+
+def _svg(figure: Any) -> str:
+    """The figure as an SVG element, the same bytes for the same flight."""
+    import matplotlib as mpl
+
+    text = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": "autonomy", "svg.fonttype": "none"}):
+        figure.savefig(
+            text, format="svg", bbox_inches="tight", pad_inches=0.08, metadata={"Date": None}
+        )
+    whole = text.getvalue()
+    return whole[whole.index("<svg") :]

@@ -1,0 +1,242 @@
+"""A flight looked back at: flown again, judged by what must be true, told in words, shown."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import msgspec
+import pytest
+from click.testing import CliRunner
+
+from autonomy.cli import main
+from autonomy.errors import BadInput, ExitCode
+from autonomy.logbook import report_of_log
+from autonomy.model import Command, Event, MissionState
+from autonomy.review.explain import DOING, GUARD_WORDS, explain
+from autonomy.review.history import History, Moment, history_of
+from autonomy.review.invariants import Verdict, check
+from autonomy.review.page import guard_stretches, page_of
+from hal.vehicle import guard
+from tests.support.recorded import fly
+
+Change = Callable[[Moment], Moment]
+
+
+@pytest.fixture(scope="module")
+def history(tmp_path_factory: pytest.TempPathFactory) -> History:
+    path, _ = fly(tmp_path_factory.mktemp("reviewed"), scenario="default")
+    return history_of(path)
+
+
+def altered(history: History, at: int, **fields: object) -> History:
+    """The history with one moment changed."""
+    moments = list(history.moments)
+    moments[at] = msgspec.structs.replace(moments[at], **fields)
+    return replace(history, moments=moments)
+
+
+def cruising(history: History) -> int:
+    """A moment in the middle of the flight, well under way."""
+    return next(
+        k for k, m in enumerate(history.moments) if m.ahead_m is not None and m.speed_m_s > 0.15
+    )
+
+
+def verdict(history: History, name: str) -> Verdict:
+    return next(v for v in check(history) if v.name == name)
+
+
+def test_a_flight_flown_again_is_the_recorded_one(history: History) -> None:
+    assert history.difference is None
+    assert history.damage is None
+    assert history.outcome is not None
+    assert len(history.replans) >= 2
+    assert all(len(r.persistence) == len(r.hits) for r in history.replans)
+    assert history.events[0].stamp_s >= history.start_s
+
+
+def test_a_good_flight_keeps_every_promise(history: History) -> None:
+    verdicts = check(history)
+    assert [v.name for v in verdicts if not v.kept] == []
+    assert all(v.worst is not None and v.worst >= 0.0 for v in verdicts)
+
+
+@pytest.mark.parametrize(
+    ("name", "fields"),
+    [
+        ("clearance", {"clearance_m": 0.149}),
+        ("stopping", {"ahead_m": 0.05}),
+        ("fence", {"position_ned_m": (99.0, 0.0, -1.0)}),
+        ("altitude", {"position_ned_m": (1.0, 0.0, -2.1)}),
+        ("altitude", {"position_ned_m": (1.0, 0.0, -0.29)}),
+        ("speed", {"sent_ned_m_s": (0.2, 0.2, 0.0)}),
+    ],
+)
+def test_a_broken_promise_is_found_where_it_was_broken(
+    history: History, name: str, fields: dict[str, object]
+) -> None:
+    at = cruising(history)
+    found = verdict(altered(history, at, **fields), name)
+    assert not found.kept
+    assert found.worst is not None
+    assert found.worst < 0.0
+    assert found.broken_s == found.at_s == history.moments[at].now_s - history.start_s
+    assert verdict(history, name).kept
+
+
+def test_a_late_setpoint_is_found(history: History) -> None:
+    at = cruising(history)
+    moments = list(history.moments)
+    late = [msgspec.structs.replace(m, now_s=m.now_s + 0.3) for m in moments[at:]]
+    found = verdict(replace(history, moments=[*moments[:at], *late]), "stream")
+    assert found.broken_s == pytest.approx(late[0].now_s - history.start_s)
+
+
+def test_a_setpoint_after_the_vehicle_was_taken_is_found(history: History) -> None:
+    last = len(history.moments) - 1
+    assert history.moments[last].state is MissionState.DONE
+    found = verdict(altered(history, last, sent_ned_m_s=(0.0, 0.0, 0.0)), "yield")
+    assert not found.kept
+
+
+def test_what_was_never_tried_is_not_called_broken(history: History) -> None:
+    ground = replace(history, moments=[m for m in history.moments if not m.streaming][:5])
+    assert all(v.kept for v in check(ground))
+    assert verdict(ground, "clearance").worst is None
+
+
+def test_stretches_of_the_guard_begin_and_end_where_it_did(history: History) -> None:
+    at = cruising(history)
+    limited = history
+    for k in (at, at + 1, at + 5):
+        limited = altered(limited, k, limits=(guard.BEAM,))
+    limited = altered(limited, at + 1, limits=(guard.BEAM, guard.SPEED))
+    times = [m.now_s - history.start_s for m in history.moments]
+    ours = [s for s in guard_stretches(limited) if s not in guard_stretches(history)]
+    assert ours == [
+        (times[at], times[at + 1], guard.BEAM),
+        (times[at + 1], times[at + 1], guard.SPEED),
+        (times[at + 5], times[at + 5], guard.BEAM),
+    ]
+
+
+def test_a_moment_is_told_in_words(history: History) -> None:
+    at = cruising(history)
+    told = explain(history, history.moments[at].now_s - history.start_s + 1e-6)
+    assert DOING[history.moments[at].state] in told
+    assert "Table 2 gave" in told
+    assert "m ahead were seen free" in told
+    assert "The plan was made at" in told
+    assert "The guard" not in told
+    limited = altered(history, at, limits=(guard.FREE_SPACE,))
+    told = explain(limited, history.moments[at].now_s - history.start_s + 1e-6)
+    assert GUARD_WORDS[guard.FREE_SPACE] in told
+
+
+def test_the_reason_told_is_the_last_event_before(history: History) -> None:
+    at = cruising(history)
+    event = Event(history.moments[at].now_s, "replan", "a reason made for this test")
+    told = explain(
+        altered(history, at, events=(event,)), history.moments[at + 2].now_s - history.start_s
+    )
+    assert "because: a reason made for this test." in told
+
+
+def test_every_state_and_every_rule_of_the_guard_has_words() -> None:
+    assert set(DOING) == set(MissionState)
+    rules = {
+        value
+        for name, value in vars(guard).items()
+        if name.isupper() and isinstance(value, str) and not name.startswith("_")
+    }
+    assert set(GUARD_WORDS) == rules
+
+
+def test_a_moment_beyond_the_log_is_refused_with_its_length(history: History) -> None:
+    with pytest.raises(BadInput, match=r"covers 0 to \d+\.\d s; 9999 s is not in it"):
+        explain(history, 9999.0)
+
+
+class Balance(HTMLParser):
+    """Counts what is open, and collects what a page would fetch."""
+
+    VOID = frozenset({"meta", "br", "img", "link", "input"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.fetched: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in self.VOID:
+            self.open.append(tag)
+        self.fetched += [
+            value or "" for name, value in attrs if name in ("src", "href") and value is not None
+        ]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_one_file_that_fetches_nothing(history: History) -> None:
+    text = page_of(history, report_of_log(history.path))
+    page = Balance()
+    page.feed(text)
+    assert page.open == []
+    assert "script" not in text
+    assert text.count("<svg") == 2 + len(history.replans)
+    assert text.count("kept</span>") == len(check(history))
+    assert "bit for bit" in text
+    assert not re.search(r"@import|url\((?!#)", text)
+
+
+def test_the_same_log_gives_the_same_page(history: History) -> None:
+    report = report_of_log(history.path)
+    assert page_of(history, report) == page_of(history, report)
+
+
+def test_texts_of_people_cannot_become_markup(history: History) -> None:
+    event = Event(history.start_s, "stop", "<b onclick=x>&")
+    text = page_of(altered(history, 0, events=(event,)), report_of_log(history.path))
+    assert "<b onclick" not in text
+    assert "&lt;b onclick=x&gt;&amp;" in text
+
+
+def test_the_commands_write_the_page_and_explain(history: History, tmp_path: Path) -> None:
+    out = tmp_path / "flight.html"
+    answer = CliRunner().invoke(main, ["report", str(history.path), "--html", str(out)])
+    assert answer.exit_code == 0, answer.output
+    assert out.read_text(encoding="utf-8").startswith("<!doctype html>")
+    answer = CliRunner().invoke(main, ["explain", str(history.path), "--at", "20"])
+    assert answer.exit_code == 0
+    assert answer.stdout.startswith("At ")
+    answer = CliRunner().invoke(main, ["explain", str(history.path), "--at", "99999"])
+    assert answer.exit_code == int(ExitCode.BAD_INPUT)
+    assert "is not in it" in answer.stderr
+
+
+def test_a_page_that_cannot_be_written_is_one_sentence(history: History, tmp_path: Path) -> None:
+    answer = CliRunner().invoke(
+        main, ["report", str(history.path), "--html", str(tmp_path / "no" / "such.html")]
+    )
+    assert answer.exit_code == int(ExitCode.BAD_INPUT)
+    assert "cannot be written" in answer.stderr
+
+
+def test_a_flight_that_broke_a_promise_ends_the_command_with_an_error(tmp_path: Path) -> None:
+    def too_fast(command: Command) -> Command:
+        if command.setpoint is None or command.decision.state is not MissionState.CRUISE:
+            return command
+        wild = msgspec.structs.replace(command.setpoint, velocity_ned_m_s=(0.9, 0.0, 0.0))
+        return msgspec.structs.replace(command, setpoint=wild)
+
+    path, _ = fly(tmp_path, scenario="empty", written=too_fast)
+    out = tmp_path / "flight.html"
+    answer = CliRunner().invoke(main, ["report", str(path), "--html", str(out)])
+    assert answer.exit_code == int(ExitCode.INTERNAL)
+    assert "no setpoint asked for more than the top speed" in answer.stderr
+    text = out.read_text(encoding="utf-8")
+    assert "broken at" in text
+    assert "decisions differ" in text
