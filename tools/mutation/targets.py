@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+KERNELS = Path("autonomy/t3drm/kernels.py")
+GUARD = "tests/unit/hal/vehicle/test_guard"
 T3DRM = "tests/unit/autonomy/t3drm"
 
 
@@ -44,13 +46,30 @@ TARGETS: dict[str, Target] = {
         (f"{T3DRM}/test_spherical.py",),
     ),
     "conic-kernels": Target(
-        Path("autonomy/t3drm/kernels.py"),
+        KERNELS,
         (f"{T3DRM}/test_hyperbolic.py",),
         frozenset({"eccentricity", "fly_by_anomaly", "sample_conic"}),
         interpreted=True,
     ),
     "guard": Target(
         Path("hal/vehicle/guard.py"),
-        ("tests/unit/hal/vehicle/test_guard.py",),
+        (f"{GUARD}.py", f"{GUARD}_surfaces.py"),
+    ),
+    "outline-kernels": Target(
+        KERNELS,
+        (f"{T3DRM}/test_kernels_outline.py",),
+        frozenset(
+            {
+                "_turn",
+                "convex_hull",
+                "_circle_of_two",
+                "_circle_of_three",
+                "_outside",
+                "enclosing_circle",
+                "regularity",
+                "describe",
+            }
+        ),
+        interpreted=True,
     ),
 }
