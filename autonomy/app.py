@@ -9,7 +9,7 @@ import logging
 import math
 import os
 import signal
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,12 +34,16 @@ from autonomy.warm import warm_up
 from hal import registry
 from hal.clock import MonotonicClock
 from hal.config import CONNECTION_SCHEMES, DEVICE_SCHEMES, validate_document
+from hal.errors import ConnectionFailed
 from hal.frames import Vector3, ned_from_enu, ned_from_frd
+from hal.gnss.autopilot_gnss import AutopilotGnss
 from hal.interfaces import Vehicle
 from hal.sim.scenario import Scenario, load_scenario
 from hal.vehicle.deadman import Deadman
 
 _POLL_S = 0.05
+_GNSS_TOLD_WITHIN_S = 2.0
+"""PX4 sends GPS_RAW_INT at 1 Hz at least, once it has heard of a receiver (its source)."""
 _SAME_TEXT_S = 5.0
 _TEXTS_REMEMBERED = 100
 
@@ -171,7 +175,7 @@ async def _fly(
             recorder=recorder,
             observer=progress,
         )
-        async with opened(sensors, gnss, config.vehicle.connect_timeout_s):
+        async with opened(sensors, gnss, config.vehicle.connect_timeout_s, progress.note):
             with deadman, _operator_signals(flight, progress):
                 outcome = await flight.run()
     finally:
@@ -287,13 +291,22 @@ def flight_recorder(mission: Mission) -> Iterator[FlightRecorder]:
 
 @asynccontextmanager
 async def opened(
-    sensors: registry.Sensors, gnss: registry.Gnss, deadline_s: float
+    sensors: registry.Sensors,
+    gnss: registry.Gnss,
+    deadline_s: float,
+    note: Callable[[str], None] = lambda _: None,
 ) -> AsyncIterator[None]:
-    """Sensors open inside, closed after, whatever happens."""
+    """Sensors open inside, closed after, whatever happens.
+
+    An autopilot that tells nothing of a GNSS receiver may have none: it is flown by its local
+    position, and `note` says so. A receiver that is configured here must be there.
+    """
     try:
         for sensor in sensors:
             await sensor.open(deadline_s)
-        if gnss is not None:
+        if isinstance(gnss, AutopilotGnss):
+            await _open_if_there(gnss, min(deadline_s, _GNSS_TOLD_WITHIN_S), note)
+        elif gnss is not None:
             await gnss.open(deadline_s)
         yield
     finally:
@@ -301,6 +314,15 @@ async def opened(
             await sensor.close()
         if gnss is not None:
             await gnss.close()
+
+
+async def _open_if_there(
+    gnss: AutopilotGnss, deadline_s: float, note: Callable[[str], None]
+) -> None:
+    try:
+        await gnss.open(deadline_s)
+    except ConnectionFailed:
+        note("the autopilot tells of no GNSS receiver: flying by its local position alone")
 
 
 class _Notes(logging.Handler):

@@ -79,7 +79,7 @@ class Simulation:
             streams[2],
         )
         self._position_faults = PositionFaults(scenario.faults, streams[2])
-        self._gnss = SimulatedGnss(scenario.gnss, streams[3])
+        self._gnss = SimulatedGnss(scenario.gnss, streams[3]) if scenario.gnss.present else None
         self.guarded = GuardedPilot(config, route)
         self._replies: list[Reply] = []
         self.pending: list[OperatorCommand] = []
@@ -101,7 +101,7 @@ class Simulation:
             ),
             local_position=self._position_faults.pass_on(local) if local is not None else None,
             attitude=self.vehicle.attitude(),
-            gnss=self._gnss.sample(now_s, truth.position_ned_m),
+            gnss=self._gnss.sample(now_s, truth.position_ned_m) if self._gnss else None,
             status=self.vehicle.status(),
             facts=self.vehicle.facts(),
             replies=tuple(self._replies),

@@ -177,6 +177,8 @@ class VehicleStatus(msgspec.Struct, frozen=True):
 
     `link_age_s` is how long the link has been silent. `armable` is the vehicle's own health
     report; `not_armable_because` repeats its words. `battery_remaining` is 0..1 or None.
+    `global_position` is False for a vehicle that knows its local position only: PX4 does not hold,
+    nor return, without a global one.
     """
 
     stamp_s: float
@@ -188,6 +190,7 @@ class VehicleStatus(msgspec.Struct, frozen=True):
     not_armable_because: str = ""
     battery_remaining: float | None = None
     in_failsafe: bool = False
+    global_position: bool = True
 
 
 class VehicleFacts(msgspec.Struct, frozen=True):

@@ -7,7 +7,7 @@ from autonomy.config import Config
 from autonomy.errors import BadInput
 from autonomy.model import FusedState
 from hal.frames import Vector3, finite3
-from hal.readings import LandedState, VehicleFacts, VehicleStatus
+from hal.readings import FlightMode, LandedState, VehicleFacts, VehicleStatus
 
 # PX4's COM_OBL_RC_ACT: what it does when the offboard stream ends and no RC is there. The default
 # (0) is a return that climbs first: measured +4.3 m, fatal under a ceiling.
@@ -84,6 +84,20 @@ def parameter_findings(
     return tuple(findings)
 
 
+def hold_keeps_down(status: VehicleStatus) -> bool:
+    """True when PX4 does not arm for want of a global position, which Hold needs and Takeoff not.
+
+    (PX4's mode_requirements.cpp: Hold, Return and Mission need a global position, Takeoff a local
+    one; arming is checked against the mode that is selected.)
+    """
+    return (
+        status.mode is FlightMode.HOLD
+        and not status.armed
+        and not status.armable
+        and not status.global_position
+    )
+
+
 def findings(
     config: Config,
     facts: VehicleFacts | None,
@@ -107,7 +121,7 @@ def findings(
         found.append("the vehicle is already armed; disarm it before starting a mission")
     if not status.armable:
         because = status.not_armable_because or "its health report says not ready"
-        found.append(f"the vehicle is not ready to arm: {because}")
+        found.append(f"the vehicle is not ready to arm: {because}{_about_position(status)}")
     if status.battery_remaining is not None and (
         status.battery_remaining <= config.failsafe.battery_warn
     ):
@@ -116,7 +130,7 @@ def findings(
             f"{config.failsafe.battery_warn:.0%}"
         )
     if not fused.ok:
-        found.append(f"there is no usable position: {fused.why_not_ok}")
+        found.append(f"there is no usable position: {fused.why_not_ok}{_about_source(status)}")
     if silent_beams:
         found.append(
             f"no reading from the range beams {', '.join(silent_beams)}; check sensors and wiring"
@@ -128,3 +142,23 @@ def findings(
             "take off elsewhere or lower mission.altitude_m (--altitude)"
         )
     return tuple(found)
+
+
+def _about_position(status: VehicleStatus) -> str:
+    """What a missing global position has to do with arming."""
+    if status.global_position or status.mode not in (FlightMode.HOLD, FlightMode.RETURN):
+        return ""
+    return (
+        f"; it knows no global position, which its mode {status.mode.value} needs: give it one "
+        "(GNSS, or the origin of its local position by SET_GPS_GLOBAL_ORIGIN)"
+    )
+
+
+def _about_source(status: VehicleStatus) -> str:
+    """Where a local position could come from, for a vehicle that has no other either."""
+    if status.global_position:
+        return ""
+    return (
+        "; it has no global position either: give PX4 a source (GNSS, optical flow with a range "
+        "sensor below, or motion capture or visual odometry with EKF2_EV_CTRL)"
+    )

@@ -23,6 +23,12 @@ _ARM_TIMEOUT_S = 5.0
 _SILENCE_ENDS_LANDING_S = 10.0
 # PX4 disarms 2 s after landing (COM_DISARM_LAND); it is asked only when it did not.
 _DISARMS_ITSELF_S = 5.0
+# Positions may still be on their way when the link has just opened.
+_GLOBAL_POSITION_COMES_S = 1.5
+# The mode that was selected for arming is given back when the flight does not happen.
+_GIVE_BACK_S = 2.0
+# Where PX4 does not end its take-off in Hold, it is over at this part of the height.
+_CLIMBED = 0.85
 # An arming request that was on its way when the mission ended may still take effect.
 _SETTLE_S = 1.0
 
@@ -55,6 +61,9 @@ class Sequence:
         self._offboard_refusal = f"it did not switch within {_OFFBOARD_TIMEOUT_S:g} s"
         self._offboard_from_s = _STREAM_BEFORE_OFFBOARD_S
         self._seen: set[FlightMode] = set()
+        self._selected_takeoff = False
+        self._refused_to_arm_s = math.inf
+        self._refusal_to_arm = ""
 
     def preflight(
         self,
@@ -66,9 +75,14 @@ class Sequence:
         """Wait until nothing forbids arming, or refuse when the time is up.
 
         After a landing PX4 shows the mode that was flown before, Offboard, and does not arm in it.
+        In Hold it does not arm either without a global position, which a room may not have; in
+        Takeoff it does, so that is selected then.
         """
-        if tick.inputs.status.mode is FlightMode.OFFBOARD and not tick.inputs.status.armed:
+        status = tick.inputs.status
+        if status.mode is FlightMode.OFFBOARD and not status.armed:
             self._ask_once(tick, RequestKind.HOLD)
+        if elapsed_s > _GLOBAL_POSITION_COMES_S and preflight.hold_keeps_down(status):
+            self._select_takeoff(tick)
         found = preflight.findings(
             self._config,
             tick.inputs.facts,
@@ -81,8 +95,24 @@ class Sequence:
             return Move(MissionState.ARM, "every check on the ground passed")
         if elapsed_s < self._config.mission.preflight_timeout_s:
             return None
+        if self._gives_back(tick, elapsed_s - self._config.mission.preflight_timeout_s):
+            return None
         why = "; ".join(found)
         return Move(MissionState.DONE, why, Outcome(Ending.PREFLIGHT_REFUSED, why))
+
+    def _select_takeoff(self, tick: Tick) -> None:
+        """Ask a vehicle that is disarmed for Takeoff: it climbs as soon as it is armed."""
+        self._selected_takeoff = True
+        self._ask_once(tick, RequestKind.TAKEOFF, self._config.mission.altitude_m)
+
+    def _gives_back(self, tick: Tick, elapsed_s: float) -> bool:
+        """True while a disarmed vehicle is being brought from the selected Takeoff into Hold: the
+        next person to arm it must not be surprised by a climb.
+        """
+        if not self._selected_takeoff or tick.inputs.status.armed or elapsed_s > _GIVE_BACK_S:
+            return False
+        self._ask_once(tick, RequestKind.HOLD)
+        return tick.inputs.status.mode is FlightMode.TAKEOFF
 
     def arm(self, tick: Tick, elapsed_s: float) -> Move | None:
         """Arm once; refused means the flight does not happen."""
@@ -93,16 +123,27 @@ class Sequence:
         if reason is None and elapsed_s > _ARM_TIMEOUT_S:
             reason = f"it did not report armed within {_ARM_TIMEOUT_S:g} s"
         if reason is not None:
-            why = f"the vehicle refused to arm: {reason}"
+            self._refused_to_arm_s = min(self._refused_to_arm_s, elapsed_s)
+            self._refusal_to_arm = self._refusal_to_arm or reason
+        if self._refusal_to_arm:
+            if self._gives_back(tick, elapsed_s - self._refused_to_arm_s):
+                return None
+            why = f"the vehicle refused to arm: {self._refusal_to_arm}"
             return Move(MissionState.LAND, why, Outcome(Ending.PREFLIGHT_REFUSED, why))
         self._ask_once(tick, RequestKind.ARM)
         return None
 
     def takeoff(self, tick: Tick, elapsed_s: float) -> Move | None:
-        """Let PX4 climb to the altitude and reach Hold."""
+        """Let PX4 climb to the altitude and reach Hold, or its end without a global position:
+        Hold needs one, and PX4 stays in Takeoff then.
+        """
         status = tick.inputs.status
-        if status.landed is LandedState.IN_AIR and status.mode is FlightMode.HOLD:
-            return Move(MissionState.OFFBOARD, f"took off to {-tick.fused.position_ned_m[2]:.2f} m")
+        height_m = -tick.fused.position_ned_m[2]
+        in_hold = status.landed is LandedState.IN_AIR and status.mode is FlightMode.HOLD
+        up_there = tick.fused.ok and height_m >= _CLIMBED * self._config.mission.altitude_m
+        climbed = status.mode is FlightMode.TAKEOFF and not status.global_position and up_there
+        if in_hold or climbed:
+            return Move(MissionState.OFFBOARD, f"took off to {height_m:.2f} m")
         reason = tick.refusal(RequestKind.TAKEOFF)
         if reason is None and elapsed_s > self._config.mission.takeoff_timeout_s:
             reason = f"not in the air after {self._config.mission.takeoff_timeout_s:g} s"

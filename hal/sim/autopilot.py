@@ -69,7 +69,13 @@ _EVENT_ACTIONS = {
 
 class _VehiclePart(Protocol):
     @property
+    Mode.HOLD: "Hold",
+    Mode.RETURN: "Return",
     def drag_per_mass_s(self) -> float: ...
+# The modes of a multicopter that need a global position: PX4's mode_requirements.cpp. Take-off
+# needs a local one; after it, PX4 stays in Takeoff where Hold cannot run.
+_GLOBAL_MODES = frozenset({Mode.HOLD, Mode.RETURN, Mode.MISSION})
+_NO_GLOBAL_POSITION = "Navigation error: No valid global position estimate"
     @property
     def parameters(self) -> dict[str, float]: ...
 
@@ -99,6 +105,8 @@ class Braking(msgspec.Struct, frozen=True):
     @classmethod
     def plan(
         cls, now_s: float, position_ned_m: Vector3, velocity_ned_m_s: Vector3, jerk_m_s3: float
+    @property
+    def present(self) -> bool: ...
     ) -> "Braking":
         """A stop that begins now: its deceleration rises and falls in 2 sqrt(speed / jerk)."""
         duration_s = 2.0 * math.sqrt(norm(velocity_ned_m_s) / max(jerk_m_s3, 0.1))
@@ -130,8 +138,8 @@ class Braking(msgspec.Struct, frozen=True):
 class Autopilot:
     """A PX4 multicopter without its wires. Requests answer with MAV_RESULT at once.
 
-    Of the scenario only `vehicle`, `start_yaw_deg` and the GNSS origin are read. It becomes
-    armable `boot_s` seconds after it starts (PX4 in simulation: 4.2 s).
+    Of the scenario only `vehicle`, `start_yaw_deg` and the GNSS origin are read, and whether there
+    is a receiver. It becomes armable `boot_s` seconds after it starts (PX4 in simulation: 4.2 s).
     """
 
     def __init__(
@@ -169,6 +177,7 @@ class Autopilot:
         self._entered: Mode | None = None
         self._armed = False
         self._armed_s = 0.0
+        self._has_gnss = scenario.gnss.present
         self._landed = True
         self._airborne = False
         self._kill_s: float | None = None
@@ -273,6 +282,11 @@ class Autopilot:
         return self._home_ned_m
 
     @property
+    def global_position(self) -> bool:
+        """True while it knows where on Earth it is; the local position may be good without."""
+        return self._has_gnss and self._gnss.position_valid
+
+    @property
     def estimate_offset(self) -> EstimateOffset:
         """Estimate minus truth at the last step."""
         return self._error
@@ -287,6 +301,8 @@ class Autopilot:
         """What it believes."""
         return add(self.quadrotor.velocity_ned_m_s, self._error.velocity_ned_m_s)
 
+        if self._intended in _GLOBAL_MODES and not self.global_position:
+            return _NO_GLOBAL_POSITION
     @property
     def estimated_yaw_rad(self) -> float:
         """What it believes."""
@@ -587,6 +603,8 @@ class Autopilot:
             return
         self._failsafe = action
         self.report(
+        if mode in _GLOBAL_MODES and not self.global_position:
+            return False
             events.FAILSAFE_OF,
             int(self._intended),
             _EVENT_ACTIONS[action],
@@ -665,6 +683,8 @@ class Autopilot:
             self._hold_yaw_rad = math.atan2(velocity[1], velocity[0])
         return Command(FREE3, velocity, self._hold_yaw_rad)
 
+        if reason == _NO_GLOBAL_POSITION:
+            self.report(events.NO_GLOBAL_POSITION, events.GLOBAL_MODES, 0)
     def _offboard_command(self) -> Command:
         setpoint = self._setpoint
         if math.isnan(setpoint.yaw_rad) and math.isnan(setpoint.yaw_rate_rad_s):
@@ -709,7 +729,7 @@ class Autopilot:
         if not self._airborne:
             return self._locked(-0.1)
         to_go = self.estimated_position_ned_m[2] - self._climb_to_m
-        if to_go < float(self.parameters["NAV_MC_ALT_RAD"]):
+        if to_go < float(self.parameters["NAV_MC_ALT_RAD"]) and self.global_position:
             self._intended = Mode.HOLD
             self._entered = Mode.HOLD
         return self._locked(self._slew(self._climb_rate(to_go), _CLIMB_SLEW_M_S2, dt_s))

@@ -38,7 +38,7 @@ class Plant:
         self._beams = with_beam_faults(
             SimulatedBeams(self.world, beams, scenario.beams, ranging), scenario.faults, faults
         )
-        self._gnss = SimulatedGnss(scenario.gnss, gnss)
+        self._gnss = SimulatedGnss(scenario.gnss, gnss) if scenario.gnss.present else None
         self._position_faults = PositionFaults(scenario.faults, faults)
         self.position: LocalPosition | None = None
         """The estimate as it is heard of; None while a fault keeps it silent."""
@@ -55,7 +55,8 @@ class Plant:
         self.ranges = self._beams.sample(
             now_s, truth.position_ned_m, truth.roll_rad, truth.pitch_rad, truth.yaw_rad
         )
-        self.new_fix = self._gnss.sample(now_s, truth.position_ned_m)
+        fix = self._gnss.sample(now_s, truth.position_ned_m) if self._gnss else None
+        self.new_fix = self._received(fix)
         self.fix = self.new_fix or self.fix
         self.position = self._position_faults.pass_on(
             LocalPosition(

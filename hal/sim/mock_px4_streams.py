@@ -186,9 +186,9 @@ def odometry(plant: Plant) -> Message | None:
 
 
 def global_position(plant: Plant) -> Message | None:
-    """GLOBAL_POSITION_INT; heading in centidegrees."""
+    """GLOBAL_POSITION_INT; heading in centidegrees. Silent without a global position."""
     heard = plant.position
-    if heard is None:
+    if heard is None or not plant.autopilot.global_position:
         return None
     pilot = plant.autopilot
     lat, lon, amsl = geodetic_from_ned(heard.position_ned_m, pilot.origin)
@@ -245,8 +245,8 @@ def mission_current(plant: Plant) -> Message:
     )
 
 
-def home_position(plant: Plant) -> Message:
-    """HOME_POSITION: set anew at each arming."""
+def home_position(plant: Plant) -> Message | None:
+    """HOME_POSITION: set anew at each arming; there is none without a global position."""
     pilot = plant.autopilot
     lat, lon, amsl = geodetic_from_ned(pilot.home_ned_m, pilot.origin)
     return mavlink.MAVLink_home_position_message(
@@ -261,9 +261,13 @@ def home_position(plant: Plant) -> Message:
         boot_us(plant),
     )
 
+    if not pilot.global_position:
+        return None
 
-def gps_global_origin(plant: Plant) -> Message:
-    """GPS_GLOBAL_ORIGIN of the local frame."""
+def gps_global_origin(plant: Plant) -> Message | None:
+    """GPS_GLOBAL_ORIGIN of the local frame, where it is known."""
+    if not plant.autopilot.global_position:
+        return None
     lat, lon, amsl = plant.autopilot.origin
     return mavlink.MAVLink_gps_global_origin_message(
         round(lat * 1e7), round(lon * 1e7), round(amsl * 1e3), boot_us(plant)

@@ -74,3 +74,6 @@ STATION_BACK = EventKind("commander_dl_regained")
 COMPANION_LOST = EventKind("commander_mission_comp_lost", 2, 2)
 COMPANION_BACK = EventKind("commander_onboard_ctrl_regained")
 MISSION_DENIED = EventKind("commander_mission_start_denied_no_mission", 6, 2)
+NO_GLOBAL_POSITION = EventKind("check_modes_global_pos", 6, 3, "IB")
+GLOBAL_MODES = 1 << 3 | 1 << 4 | 1 << 5
+"""The first argument of a failed check: the modes it forbids, here Mission, Hold and Return."""

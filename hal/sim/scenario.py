@@ -164,8 +164,13 @@ class BeamSimulation(Section):
 
 
 class GnssSimulation(Section):
-    """The simulated GNSS receiver, and where on Earth the take-off point is."""
+    """The simulated GNSS receiver, and where on Earth the take-off point is.
 
+    Without one (`present: false`) the local position comes from elsewhere, as from optical flow or
+    motion capture, and the vehicle knows no global position and no home.
+    """
+
+    present: bool = True
     latitude_deg: Annotated[float, Field(ge=-89.0, le=89.0)] = 47.3977
     longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = 8.5456
     amsl_m: Finite = 488.0

@@ -6,8 +6,11 @@ object flies a simulation at hundreds of times real time and stands in for a lin
 
 import math
 from collections import deque
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import msgspec
+import numpy as np
 
 from hal.clock import SimClock
 from hal.errors import ConnectionFailed
@@ -21,9 +24,13 @@ from hal.readings import (
 )
 from hal.setpoints import Reply, Request, RequestKind, Setpoint
 from hal.sim.autopilot import Autopilot
+from hal.sim.fault_clock import FaultClock
+from hal.sim.fault_kinds import FaultWindow
+from hal.sim.link_faults import FaultyChannel
 from hal.sim.px4 import Mode, Result
 from hal.sim.quadrotor import EXACT
 from hal.sim.sensors import EstimateOffset, EstimatorError
+from hal.sim.vehicle_faults import EstimateFaults, VehicleFaults
 
 _TEXTS_KEPT = 64
 ASKED_PARAMETERS = (
@@ -77,16 +84,40 @@ def truth_of(autopilot: Autopilot, stamp_s: float) -> Truth:
     )
 
 
+class _Told(NamedTuple):
+    """What the vehicle sends in one step."""
+
+    position: LocalPosition
+    attitude: Attitude
+    status: VehicleStatus
+    texts: tuple[StatusText, ...]
+
+
 class SimVehicle:
     """One simulated PX4 multicopter.
 
     Stamps are the clock's time. `estimator` makes the autopilot's estimate differ from the truth;
-    without it the estimate is exact.
+    without it the estimate is exact. Of `faults` those of the vehicle, its estimate and its link
+    are flown; `rng` is for the link's.
     """
 
     def __init__(
-        self, autopilot: Autopilot, clock: SimClock, estimator: EstimatorError | None = None
+        self,
+        autopilot: Autopilot,
+        clock: SimClock,
+        estimator: EstimatorError | None = None,
+        *,
+        faults: Iterable[FaultWindow] = (),
+        fault_clock: FaultClock | None = None,
+        rng: np.random.Generator | None = None,
     ) -> None:
+        faults, when = tuple(faults), fault_clock or FaultClock(clock.now_s())
+        rng = rng if rng is not None else np.random.default_rng(0)
+        self._faults = VehicleFaults(autopilot, faults, when)
+        self._estimate_faults = EstimateFaults(faults, when)
+        self._up: FaultyChannel[Setpoint] = FaultyChannel(faults, "up", rng, when)
+        self._down: FaultyChannel[_Told] = FaultyChannel(faults, "down", rng, when)
+        self._heard_s = clock.now_s()
         self._autopilot = autopilot
         self._clock = clock
         self._facts: tuple[int, VehicleFacts] | None = None
@@ -128,9 +159,21 @@ class SimVehicle:
                 error.velocity_ned_m_s,
                 error.yaw_rad,
             )
+        now_s = self._clock.now_s()
+        self._faults.step(now_s)
+        error = self._with_faults(now_s, error)
+        for setpoint in self._up.take(now_s):
+            self._obey(setpoint)
         self._autopilot.step(dt_s, error)
         if self._silent_since_s is None:
             self._publish()
+
+    def _with_faults(self, now_s: float, error: EstimateOffset) -> EstimateOffset:
+        """The estimate's offset with its faults; the autopilot's own setpoints follow a jump."""
+        spoilt, jump = self._estimate_faults.spoil(now_s, error)
+        if jump is not None:
+            self._autopilot.shift_estimate(jump.position_ned_m, jump.yaw_rad)
+        return spoilt
 
     def jump_estimate(self, shift_ned_m: Vector3) -> None:
         """Let the local frame jump, as an EKF reset does; the reset counter says so."""
@@ -154,22 +197,30 @@ class SimVehicle:
     def _publish(self) -> None:
         now_s, autopilot = self._clock.now_s(), self._autopilot
         quad = autopilot.quadrotor
-        self._position = LocalPosition(
+        position = LocalPosition(
             now_s,
             autopilot.estimated_position_ned_m,
             autopilot.estimated_velocity_ned_m_s,
-            self._reset_counter,
+            (self._reset_counter + self._estimate_faults.resets) % 256,
         )
         roll, pitch = quad.tilt_rad
-        self._attitude = Attitude(
-            now_s, roll, pitch, autopilot.estimated_yaw_rad, quad.yaw_rate_rad_s
+        attitude = Attitude(now_s, roll, pitch, autopilot.estimated_yaw_rad, quad.yaw_rate_rad_s)
+        texts = tuple(
+            StatusText(text.at_s + self._offset_s, int(text.severity), text.text)
+            for text in autopilot.texts
         )
-        while autopilot.texts:
-            text = autopilot.texts.popleft()
-            self._texts.append(
-                StatusText(text.at_s + self._offset_s, int(text.severity), text.text)
-            )
-        self._status = self._read_status(now_s)
+        autopilot.texts.clear()
+        if not autopilot.silent:
+            self._down.put(now_s, _Told(position, attitude, self._read_status(now_s), texts))
+        for told in self._down.take(now_s):
+            self._hear(now_s, told)
+
+    def _hear(self, now_s: float, told: _Told) -> None:
+        """What was sent arrives; what was overtaken on the way is not believed."""
+        self._heard_s = now_s
+        self._texts.extend(told.texts)
+        if self._position is None or told.position.stamp_s >= self._position.stamp_s:
+            self._position, self._attitude, self._status = told[:3]
 
     def _read_status(self, now_s: float) -> VehicleStatus:
         autopilot = self._autopilot
@@ -184,6 +235,7 @@ class SimVehicle:
             not_armable_because=reason,
             battery_remaining=autopilot.battery_remaining,
             in_failsafe=autopilot.in_failsafe,
+            global_position=autopilot.global_position,
         )
 
     # ------------------------------------------------------------ the contract
@@ -220,18 +272,20 @@ class SimVehicle:
     def status(self) -> VehicleStatus:
         """The newest status, its link age counted to now."""
         now_s, status = self._clock.now_s(), self._status
-        if self._silent_since_s is None:
+        since_s = self._heard_s if self._silent_since_s is None else status.stamp_s
+        if now_s == since_s:
             return status
         return VehicleStatus(
             status.stamp_s,
             status.armed,
             status.mode,
             status.landed,
-            now_s - status.stamp_s,
+            now_s - since_s,
             status.armable,
             status.not_armable_because,
             status.battery_remaining,
             status.in_failsafe,
+            status.global_position,
         )
 
     def take_texts(self) -> tuple[StatusText, ...]:
@@ -242,7 +296,15 @@ class SimVehicle:
 
     def send(self, setpoint: Setpoint) -> None:
         """One offboard setpoint, valid from now on."""
-        if self._silent_since_s is None:
+        if self._silent_since_s is not None:
+            return
+        if self._up.sound:
+            self._obey(setpoint)
+        else:
+            self._up.put(self._clock.now_s(), setpoint)
+
+    def _obey(self, setpoint: Setpoint) -> None:
+        if not self._autopilot.silent:
             self._autopilot.set_setpoint(
                 setpoint.position_ned_m, setpoint.velocity_ned_m_s, setpoint.yaw_rad
             )
@@ -261,7 +323,8 @@ class SimVehicle:
     def execute_now(self, request: Request) -> Reply:
         """Carry out one request; a refusal's reason is what the autopilot wrote."""
         now_s = self._clock.now_s()
-        if self._silent_since_s is not None:
+        cut = self._silent_since_s is not None or self._autopilot.silent
+        if cut or self._up.lost(now_s) or self._down.lost(now_s):
             return Reply(now_s, request.kind, accepted=False, reason="the vehicle did not answer")
         before = len(self._autopilot.texts)
         result = self._request(request)

@@ -61,7 +61,9 @@ from hal.vehicle.px4_messages import (
     STANDBY,
     AttitudeMessage,
     BootClock,
+    CurrentMode,
     ExtendedSysState,
+    GlobalPositionInt,
     Heartbeat,
     LocalPositionNed,
     Odometry,
@@ -93,8 +95,11 @@ PREFLIGHT_PARAMETERS: dict[str, type[int] | type[float]] = {
 }
 """Parameters asked for when connecting, with their types in PX4."""
 
-MESSAGE_INTERVALS_US = {245: 200_000, 331: 33_333, 132: 40_000}
-"""EXTENDED_SYS_STATE (MAVSDK's action plugin slows it to 1 Hz), ODOMETRY, DISTANCE_SENSOR."""
+MESSAGE_INTERVALS_US = {245: 200_000, 331: 33_333, 132: 40_000, 436: 50_000}
+"""EXTENDED_SYS_STATE (MAVSDK's action plugin slows it to 1 Hz), ODOMETRY, DISTANCE_SENSOR, and
+CURRENT_MODE: PX4 looks so often whether the mode has changed, and sends it then (else twice a
+second). HEARTBEAT, which tells the mode as well, stays at 1 Hz: PX4 refuses another rate.
+"""
 
 _AUTOPILOT_COMPONENT = 1  # MAV_COMP_ID_AUTOPILOT1
 _SET_MESSAGE_INTERVAL = 511
@@ -102,6 +107,7 @@ _TEXTS_KEPT = 128
 _VALID_FOR_S = 0.3  # LOCAL_POSITION_NED comes at 30 Hz while the estimate is valid
 _ODOMETRY_GONE_S = 0.5
 _PLACE_FRESH_S = 0.5
+_GLOBAL_FRESH_S = 1.0  # GLOBAL_POSITION_INT comes at 50 Hz, or at what another client asked for
 _TEXTS_COME_LATE_S = 0.15  # a text that explains a refusal may follow the acknowledgement
 _WARNINGS_COUNT_S = 15.0
 _TAKEOFF_ALTITUDE_TOLERANCE_M = 1e-3
@@ -208,6 +214,9 @@ class MavsdkVehicle:
         self._position: Latest[LocalPosition] = Latest()
         self._attitude: Latest[Attitude] = Latest()
         self._heartbeat: Latest[Heartbeat] = Latest()
+        self._mode: Latest[FlightMode] = Latest()
+        """By HEARTBEAT or CURRENT_MODE, whichever came last: they tell the same state."""
+        self._global_s = -math.inf
         self._landed: Latest[LandedState] = Latest()
         self._health: Latest[SysStatus] = Latest()
         self._assembler = TextAssembler()
@@ -331,10 +340,11 @@ class MavsdkVehicle:
     def _forget_what_was_heard(self) -> None:
         self._boot = BootClock()
         self._restarts_seen = 0
-        self._valid_s = self._odometry_s = -math.inf
+        self._valid_s = self._odometry_s = self._global_s = -math.inf
         self._heard_s = self._clock.now_s()
         self._position, self._attitude = Latest(), Latest()
         self._heartbeat, self._landed, self._health = Latest(), Latest(), Latest()
+        self._mode = Latest()
         self._assembler = TextAssembler()
         self._stop_place = None
 
@@ -391,13 +401,14 @@ class MavsdkVehicle:
         return VehicleStatus(
             stamp_s=heard_s,
             armed=heartbeat.armed,
-            mode=heartbeat.mode,
+            mode=self._mode.get() or heartbeat.mode,
             landed=landed if landed is not None else LandedState.UNKNOWN,
             link_age_s=max(0.0, now_s - heard_s),
             armable=armable,
             not_armable_because="" if armable else self._why_not_armable(now_s),
             battery_remaining=health.battery if health is not None else None,
             in_failsafe=heartbeat.armed and heartbeat.system_status == CRITICAL,
+            global_position=now_s - self._global_s <= _GLOBAL_FRESH_S,
         )
 
     def _why_not_armable(self, now_s: float) -> str:
@@ -443,6 +454,8 @@ class MavsdkVehicle:
     def _subscribe(self, direct: MavlinkDirect) -> None:
         """Every callback runs on the library's one callback thread, hence one writer per cell."""
         self._on(direct, "HEARTBEAT", Heartbeat, self._take_heartbeat)
+        self._on(direct, "CURRENT_MODE", CurrentMode, self._take_mode)
+        self._on(direct, "GLOBAL_POSITION_INT", GlobalPositionInt, self._take_global_position)
         self._on(direct, "EXTENDED_SYS_STATE", ExtendedSysState, self._take_landed)
         self._on(direct, "SYS_STATUS", SysStatus, self._take_health)
         self._on(direct, "ATTITUDE", AttitudeMessage, self._take_attitude)
@@ -486,7 +499,14 @@ class MavsdkVehicle:
         direct.subscribe_message(name, received)
 
     def _take_heartbeat(self, message: Heartbeat, _now_s: float) -> None:
+        self._mode.put(message.mode)
         self._heartbeat.put(message)
+
+    def _take_mode(self, message: CurrentMode, _now_s: float) -> None:
+        self._mode.put(message.mode)
+
+    def _take_global_position(self, _message: GlobalPositionInt, now_s: float) -> None:
+        self._global_s = now_s
 
     def _take_landed(self, message: ExtendedSysState, _now_s: float) -> None:
         self._landed.put(message.landed)
@@ -672,8 +692,7 @@ class MavsdkVehicle:
         For the deadman: any thread. True when Hold was asked for; whether it was granted, the
         heartbeat says. Another mode is a pilot's or PX4's choice and stays.
         """
-        heartbeat = self._heartbeat.get()
-        if heartbeat is None or heartbeat.mode is not FlightMode.OFFBOARD:
+        if self._mode.get() is not FlightMode.OFFBOARD:
             return False
         with self._door:
             if self._link is None:

@@ -39,6 +39,16 @@ _CHUNK_LENGTH = 50  # bytes of text in one STATUSTEXT
 _TEXTS_IN_PARTS = 8
 
 
+def flight_mode(custom_mode: int) -> FlightMode:
+    """The project's word for PX4's mode (main mode in bits 16..23, sub mode in 24..31)."""
+    main, sub = (custom_mode >> 16) & 0xFF, (custom_mode >> 24) & 0xFF
+    if main == _OFFBOARD:
+        return FlightMode.OFFBOARD
+    if main == _AUTO:
+        return _SUB_MODES.get(sub, FlightMode.UNKNOWN)
+    return FlightMode.MANUAL if main else FlightMode.UNKNOWN
+
+
 class Heartbeat(msgspec.Struct, frozen=True):
     """HEARTBEAT of the autopilot."""
 
@@ -54,13 +64,26 @@ class Heartbeat(msgspec.Struct, frozen=True):
 
     @property
     def mode(self) -> FlightMode:
-        """The project's word for PX4's mode (main mode in bits 16..23, sub mode in 24..31)."""
-        main, sub = (self.custom_mode >> 16) & 0xFF, (self.custom_mode >> 24) & 0xFF
-        if main == _OFFBOARD:
-            return FlightMode.OFFBOARD
-        if main == _AUTO:
-            return _SUB_MODES.get(sub, FlightMode.UNKNOWN)
-        return FlightMode.MANUAL if main else FlightMode.UNKNOWN
+        """The project's word for PX4's mode."""
+        return flight_mode(self.custom_mode)
+
+
+class CurrentMode(msgspec.Struct, frozen=True):
+    """CURRENT_MODE (PX4 1.15 and newer): the mode that is flown, as in HEARTBEAT."""
+
+    custom_mode: int
+
+    @property
+    def mode(self) -> FlightMode:
+        """The project's word for it."""
+        return flight_mode(self.custom_mode)
+
+
+class GlobalPositionInt(msgspec.Struct, frozen=True):
+    """GLOBAL_POSITION_INT: PX4 sends it only while it knows where on Earth it is."""
+
+    lat: int
+    lon: int
 
 
 class ExtendedSysState(msgspec.Struct, frozen=True):

@@ -14,9 +14,10 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from autonomy.embedded import EmbeddedPx4, free_udp_port
 from hal.errors import ConnectionFailed, PortInUse, WrongAutopilot
+from hal.readings import FlightMode
 from hal.setpoints import Request, RequestKind, Setpoint
 from hal.vehicle.mavsdk_vehicle import MavsdkVehicle
-from tests.support.airborne import vehicle_on
+from tests.support.airborne import ask, until, vehicle_on
 from tests.support.wire import WireTap
 
 pytestmark = pytest.mark.integration
@@ -211,3 +212,26 @@ async def test_a_take_off_to_nowhere_is_refused_before_the_wire(altitude_m: floa
     )
     assert not reply.accepted
     assert "altitude" in reply.reason
+
+
+async def test_a_switched_mode_is_seen_before_the_next_heartbeat(px4: EmbeddedPx4) -> None:
+    """A pilot who takes the vehicle is noticed by CURRENT_MODE; the heartbeat comes once a second.
+
+    By chance one of the switches may fall just before a heartbeat.
+    """
+    vehicle = vehicle_on(px4.connection)
+    heartbeats: list[float] = []
+    vehicle.listen("HEARTBEAT", lambda message: heartbeats.append(message.received_s))
+    unaided = 0
+    try:
+        await vehicle.open(15.0)
+        for mode in (FlightMode.LAND, FlightMode.HOLD) * 3:
+            kind = RequestKind.LAND if mode is FlightMode.LAND else RequestKind.HOLD
+            before = len(heartbeats)
+            await ask(vehicle, kind)
+            await until(lambda mode=mode: vehicle.status().mode is mode, 5.0, mode.value)  # type: ignore[misc]  # bound for this turn
+            unaided += len(heartbeats) == before
+            await asyncio.sleep(0.35)
+    finally:
+        await vehicle.close()
+    assert unaided >= 3

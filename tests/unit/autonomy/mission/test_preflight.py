@@ -7,7 +7,12 @@ import pytest
 
 from autonomy.config import Config
 from autonomy.errors import BadInput
-from autonomy.mission.preflight import check_route, findings, parameter_findings
+from autonomy.mission.preflight import (
+    check_route,
+    findings,
+    hold_keeps_down,
+    parameter_findings,
+)
 from autonomy.model import FusedState
 from hal.frames import ZERO3, Vector3
 from hal.readings import FlightMode, LandedState, VehicleFacts, VehicleStatus
@@ -113,3 +118,28 @@ def test_a_goal_that_must_not_be_flown_to_is_one_sentence(goal: Vector3, word: s
 def test_no_goal_at_all_is_refused() -> None:
     with pytest.raises(BadInput, match="--goal"):
         check_route(CONFIG, ())
+
+
+def test_what_a_missing_global_position_has_to_do_with_it_is_said() -> None:
+    status = msgspec.structs.replace(
+        STATUS, armable=False, not_armable_because="Arming denied", global_position=False
+    )
+    assert hold_keeps_down(status)
+    sentence = only(findings(CONFIG, FACTS, status, FUSED, ()))
+    assert "Arming denied; it knows no global position, which its mode hold needs" in sentence
+    assert "SET_GPS_GLOBAL_ORIGIN" in sentence
+    flown_by_hand = msgspec.structs.replace(status, mode=FlightMode.MANUAL)
+    assert not hold_keeps_down(flown_by_hand)
+    assert "global" not in only(findings(CONFIG, FACTS, flown_by_hand, FUSED, ()))
+
+
+def test_a_vehicle_that_needs_no_global_position_is_not_blamed_for_it() -> None:
+    status = msgspec.structs.replace(STATUS, global_position=False)
+    assert findings(CONFIG, FACTS, status, FUSED, ()) == ()
+
+
+def test_where_a_position_could_come_from_is_said() -> None:
+    lost = msgspec.structs.replace(FUSED, ok=False, why_not_ok="no local position yet")
+    status = msgspec.structs.replace(STATUS, global_position=False)
+    assert "optical flow" in only(findings(CONFIG, FACTS, status, lost, ()))
+    assert "optical flow" not in only(findings(CONFIG, FACTS, STATUS, lost, ()))

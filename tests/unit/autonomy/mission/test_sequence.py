@@ -124,3 +124,69 @@ def test_landed_and_disarmed_ends_the_mission_after_a_moment() -> None:
     move = sequence.land(tick(GROUND, 1.0), 1.0)
     assert move is not None
     assert move.state is MissionState.DONE
+
+
+LOCAL_ONLY = changed(
+    GROUND, armable=False, global_position=False, not_armable_because="No global position"
+)
+TAKEOFF_SELECTED = changed(LOCAL_ONLY, mode=FlightMode.TAKEOFF, armable=True)
+
+
+def test_takeoff_is_selected_where_hold_keeps_the_vehicle_from_arming() -> None:
+    sequence = Sequence(Config())
+    early, late = tick(LOCAL_ONLY, 1.0), tick(LOCAL_ONLY, 2.0)
+    assert sequence.preflight(early, 1.0, ()) is None
+    assert sequence.preflight(late, 2.0, ()) is None
+    assert [asked(early), asked(late)] == [[], [RequestKind.TAKEOFF]]
+    move = sequence.preflight(tick(TAKEOFF_SELECTED, 2.1), 2.1, ())
+    assert move is not None
+    assert move.state is MissionState.ARM
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"global_position": True}, {"armable": True}, {"mode": FlightMode.MANUAL}, {"armed": True}],
+)
+def test_takeoff_is_not_selected_for_any_other_reason(fields: dict[str, object]) -> None:
+    step = tick(changed(LOCAL_ONLY, **fields), 2.0)
+    Sequence(Config()).preflight(step, 2.0, ())
+    assert RequestKind.TAKEOFF not in asked(step)
+
+
+def test_a_vehicle_that_refused_to_arm_is_given_back_in_hold() -> None:
+    sequence = Sequence(Config())
+    sequence.preflight(tick(LOCAL_ONLY, 2.0), 2.0, ())
+    refused = tick(TAKEOFF_SELECTED, 2.1, Reply(2.1, RequestKind.ARM, False, "no compass"))
+    assert sequence.arm(refused, 0.1) is None
+    assert asked(refused) == [RequestKind.HOLD]
+    move = sequence.arm(tick(LOCAL_ONLY, 2.2), 0.2)
+    assert move is not None
+    assert "no compass" in move.why
+
+
+def test_giving_back_does_not_wait_for_ever() -> None:
+    sequence = Sequence(Config())
+    sequence.preflight(tick(LOCAL_ONLY, 2.0), 2.0, ())
+    refused = tick(TAKEOFF_SELECTED, 2.1, Reply(2.1, RequestKind.ARM, False, "no compass"))
+    assert sequence.arm(refused, 0.1) is None
+    assert sequence.arm(tick(TAKEOFF_SELECTED, 4.3), 2.3) is not None
+
+
+@pytest.mark.parametrize(
+    ("height_m", "global_position", "goes_on"),
+    [(0.84, False, False), (0.86, False, True), (0.99, True, False)],
+)
+def test_without_a_global_position_the_height_ends_the_takeoff(
+    height_m: float, global_position: bool, goes_on: bool
+) -> None:
+    status = changed(
+        GROUND,
+        armed=True,
+        mode=FlightMode.TAKEOFF,
+        landed=LandedState.TAKEOFF,
+        global_position=global_position,
+    )
+    inputs = Inputs(3.0, (), None, None, None, status)
+    fused = msgspec.structs.replace(FUSED, position_ned_m=(0.0, 0.0, -height_m))
+    move = Sequence(Config()).takeoff(Tick(inputs, fused, 0.05), 3.0)
+    assert (move is not None) is goes_on

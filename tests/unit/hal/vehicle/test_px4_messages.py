@@ -10,6 +10,7 @@ from hal.errors import ReadingRefused
 from hal.readings import FlightMode, LandedState, StatusText
 from hal.vehicle.px4_messages import (
     BootClock,
+    CurrentMode,
     ExtendedSysState,
     Heartbeat,
     Odometry,
@@ -42,6 +43,11 @@ def test_a_heartbeat_tells_mode_and_arming(
 ) -> None:
     heartbeat = Heartbeat(12, base_mode, custom_mode, 4)
     assert (heartbeat.armed, heartbeat.mode) == (armed, mode)
+
+
+@pytest.mark.parametrize("custom_mode", [0x03040000, 0x00060000, 0x00030000, 0x05040000, 0])
+def test_the_current_mode_is_the_heartbeat_s(custom_mode: int) -> None:
+    assert CurrentMode(custom_mode).mode is Heartbeat(12, 0, custom_mode, 4).mode
 
 
 def test_landed_states_are_translated_and_unknown_ones_stay_unknown() -> None:
