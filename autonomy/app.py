@@ -404,7 +404,7 @@ def report_of(
     report = tally.report(
         outcome,
         route,
-        body_radius_m=mission.config.body.radius_m,
+        config=mission.config,
         log_path=str(recorder.path) if recorder is not None else None,
         log_notes=recorder.notes() if recorder is not None else (),
         scenario=virtual.scenario if virtual is not None else mission.options.scenario,

@@ -57,7 +57,7 @@ def report_of_log(path: Path) -> FlightReport:
     return tally.report(
         outcome,
         route,
-        body_radius_m=config.body.radius_m,
+        config=config,
         log_path=str(path),
         log_notes=notes,
         scenario=log.header.scenario or None,

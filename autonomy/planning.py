@@ -51,7 +51,9 @@ def plan_scenario(name_or_path: str, goal: Point | None, config: Config) -> Plan
     return PlannedScenario(scenario, target, hits, plan, time.perf_counter() - before_s)
 
 
-def outline_hits(scenario: Scenario, config: Config) -> tuple[Point, ...]:
+def outline_hits(
+    scenario: Scenario, config: Config, spacing_m: float = HIT_SPACING_M
+) -> tuple[Point, ...]:
     """Points on the outline of every obstacle that is in the way at the mission's altitude."""
     half_m = config.body.half_height_m
     low_m, high_m = config.mission.altitude_m - half_m, config.mission.altitude_m + half_m
@@ -60,11 +62,11 @@ def outline_hits(scenario: Scenario, config: Config) -> tuple[Point, ...]:
         if obstacle.base_m > high_m or (obstacle.height_m or math.inf) < low_m:
             continue
         if isinstance(obstacle, Disc):
-            hits.extend(_circle(obstacle.centre_ne_m, obstacle.radius_m))
+            hits.extend(_circle(obstacle.centre_ne_m, obstacle.radius_m, spacing_m))
         else:
             corners = obstacle.footprint.corners()
             for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
-                hits.extend(_edge(a, b))
+                hits.extend(_edge(a, b, spacing_m))
     return tuple(hits)
 
 
@@ -97,8 +99,8 @@ def described(planned: PlannedScenario) -> str:
     return "\n".join(lines)
 
 
-def _circle(centre: Point, radius_m: float) -> list[Point]:
-    count = max(8, math.ceil(2.0 * math.pi * radius_m / HIT_SPACING_M))
+def _circle(centre: Point, radius_m: float, spacing_m: float) -> list[Point]:
+    count = max(8, math.ceil(2.0 * math.pi * radius_m / spacing_m))
     return [
         (
             centre[0] + radius_m * math.cos(2.0 * math.pi * k / count),
@@ -108,9 +110,9 @@ def _circle(centre: Point, radius_m: float) -> list[Point]:
     ]
 
 
-def _edge(a: Point, b: Point) -> list[Point]:
+def _edge(a: Point, b: Point, spacing_m: float) -> list[Point]:
     """Points from a (with it) to b (without)."""
-    count = max(1, math.ceil(distance(a, b) / HIT_SPACING_M))
+    count = max(1, math.ceil(distance(a, b) / spacing_m))
     return [
         (a[0] + (b[0] - a[0]) * k / count, a[1] + (b[1] - a[1]) * k / count) for k in range(count)
     ]

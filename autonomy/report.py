@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from autonomy.errors import ExitCode
+from autonomy.mission.flown import FlownLeg, by_radius
 from autonomy.model import Ending
+from autonomy.t3drm.bound import PathBound
 from autonomy.t3drm.timing import TimingRecord
 from hal.frames import Vector3
 
@@ -77,8 +79,14 @@ class FlightReport(msgspec.Struct, frozen=True):
     body_radius_m: float = 0.15
     max_speed_m_s: float = 0.0
     timing: TimingRecord | None = None
+    path_bound: PathBound | None = None
+    """What TangentBug's bound allows for the obstacles met; None: nothing was planned."""
+    side_changes: int = 0
+    """Replans that passed a known obstacle on its other side."""
+    legs: tuple[FlownLeg, ...] = ()
+    """The legs in the order flown, each with its keep-out radius (Eq. 2)."""
     leg_kinds: tuple[str, ...] = ()
-    """The kinds of legs that were flown, in the order of their first use."""
+    """The kinds of legs that were planned, in the order of their first use."""
     guard_limits: dict[str, int] = msgspec.field(default_factory=dict)
     """How many ticks each rule of the guard changed the setpoint."""
     late_ticks: int = 0
@@ -148,11 +156,16 @@ def report_rows(report: FlightReport) -> list[tuple[str, str]]:
         *((("collisions", str(report.collisions)),) if report.collisions is not None else ()),
         ("top speed", f"{report.max_speed_m_s:.2f} m/s"),
         ("stops, replans", f"{report.stops}, {report.replans}"),
+        ("side changes", str(report.side_changes)),
     ]
     if report.timing is not None and report.timing.replans:
         rows.append(("planning", _planning(report.timing)))
+    if report.path_bound is not None and report.path_bound.stretches:
+        rows.append(("path bound", _bound(report.path_bound, report.path_length_m)))
     if report.leg_kinds:
         rows.append(("legs", ", ".join(report.leg_kinds)))
+    if report.legs:
+        rows.append(("keep-out radii", _radii(report.legs)))
     if report.guard_limits:
         limits = ", ".join(f"{name} {ticks}" for name, ticks in sorted(report.guard_limits.items()))
         rows.append(("guard, ticks", limits))
@@ -172,6 +185,21 @@ def _path(report: FlightReport) -> str:
         ratio = report.path_length_m / report.straight_length_m
         text += f", {ratio:.2f} times the straight {report.straight_length_m:.2f} m"
     return text
+
+
+def _bound(bound: PathBound, path_length_m: float) -> str:
+    kept = "kept" if bound.holds(path_length_m) else "NOT KEPT"
+    return (
+        f"{bound.bound_m:.2f} m, {kept}: {bound.straight_m:.2f} m straight and "
+        f"{bound.perimeter_m:.2f} m round what was met (TangentBug)"
+    )
+
+
+def _radii(legs: tuple[FlownLeg, ...]) -> str:
+    """How far at which radius of the Ricci flow."""
+    return ", ".join(
+        f"{flown_m:.2f} m at {radius_m:.3f} m" for radius_m, flown_m in by_radius(legs)
+    )
 
 
 def _clearance(report: FlightReport) -> str:

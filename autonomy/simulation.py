@@ -15,6 +15,8 @@ from autonomy.geometry import Point, distance
 from autonomy.mission.guarded import Command, GuardedPilot
 from autonomy.model import Inputs, MissionState, OperatorCommand, Outcome
 from autonomy.planning_time import PlanningTime
+from autonomy.t3drm.bound import BoundTally, PathBound
+from autonomy.t3drm.sides import SideChanges
 from autonomy.t3drm.timing import TimingRecord
 from hal.clock import SimClock
 from hal.config import MavlinkDriver
@@ -49,6 +51,8 @@ class SimulatedFlight:
     wall_s: float
     timing: TimingRecord | None
     track: list[Point] = field(default_factory=list)
+    path_bound: PathBound
+    side_changes: int
     commands: list[Command] = field(default_factory=list)
 
 
@@ -131,7 +135,7 @@ class Simulation:
         """Fly until the pilot says DONE; raises TimeoutError after `limit_s` simulated seconds."""
         started = time.perf_counter()
         self.vehicle.advance(_BOOT_S)
-        book = _Book(self._scenario.vehicle)
+        book = _Book(self._scenario.vehicle, self._config)
         while True:
             before = time.perf_counter()
             command = self.tick()
@@ -149,7 +153,7 @@ class Simulation:
 class _Book:
     """Adds up a flight as it happens."""
 
-    def __init__(self, body: VehicleSimulation) -> None:
+    def __init__(self, body: VehicleSimulation, config: Config) -> None:
         self._body = body
         self._airborne_from_s: float | None = None
         self._navigating: list[float] = []
@@ -160,6 +164,9 @@ class _Book:
         self._planning = PlanningTime()
         self._error_m = float("inf")
         self._last_s = 0.0
+        self._config = config
+        self._bound = BoundTally()
+        self._sides = SideChanges()
         self.track: list[Point] = []
         self.commands: list[Command] = []
 
@@ -178,6 +185,9 @@ class _Book:
             self._length_m += distance(self.track[-1], point)
         self.track.append(point)
         clearance_m = simulation.world.clearance_m(truth.position_ned_m)
+        if decision.plan is not None and decision.fused is not None:
+            self._bound.planned(decision.distance_to_go_m, decision.plan)
+            self._sides.planned(decision.fused.point, decision.plan)
         self._clearance_m = min(self._clearance_m, clearance_m)
         self._collided |= simulation.world.collides(
             truth.position_ned_m, self._body.body_radius_m, self._body.body_half_height_m
@@ -203,6 +213,7 @@ class _Book:
             path_length_m=self._length_m,
             true_clearance_m=self._clearance_m,
             collided=self._collided,
+        comfortable_m = self._config.body.radius_m + self._config.planner.comfortable_clearance_m
             stops=command.decision.stops,
             replans=command.decision.replans,
             final_error_m=self._error_m,
@@ -219,6 +230,8 @@ def with_scenario(config: Config, scenario: Scenario) -> Config:
     """The configuration for flying in a scenario: its fence, and beams that the simulated vehicle
     has. The sensors of this computer, and their calibration, are those of another vehicle.
     """
+            path_bound=self._bound.bound(comfortable_m, self._config.guard.fence),
+            side_changes=self._sides.count,
     guard = config.guard.model_copy(update={"fence": scenario.fence})
     ideal = {"offset_m": 0.0, "sigma_m": 0.0}
     mounts = tuple(mount.model_copy(update=ideal) for mount in config.beams.mounts)

@@ -7,11 +7,15 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from autonomy.config import Config
 from autonomy.geometry import Point, distance, polyline_length
+from autonomy.mission.flown import FlownLegs
 from autonomy.mission.machine import OFFBOARD_STATES
-from autonomy.model import Command, Event, Inputs, Outcome, Plan
+from autonomy.model import Command, Decision, Event, Inputs, Outcome, Plan
 from autonomy.planning_time import PlanningTime
 from autonomy.report import EXIT_CODES, FlightReport
+from autonomy.t3drm.bound import BoundTally
+from autonomy.t3drm.sides import SideChanges
 from hal.frames import Vector3
 from hal.readings import LandedState
 
@@ -21,6 +25,9 @@ class Tally:
     """Sums, extremes and counts of one flight."""
 
     planning: PlanningTime = field(default_factory=PlanningTime)
+    bound: BoundTally = field(default_factory=BoundTally)
+    sides: SideChanges = field(default_factory=SideChanges)
+    legs: FlownLegs = field(default_factory=FlownLegs)
     path_length_m: float = 0.0
     minimum_clearance_m: float | None = None
     max_speed_m_s: float = 0.0
@@ -41,10 +48,7 @@ class Tally:
         self.events.extend(decision.events)
         self.guard_limits.update(command.guard.limits)
         self.planning.note(decision, step_s)
-        if isinstance(decision.plan, Plan):
-            for leg in decision.plan.legs:
-                if leg.kind.value not in self.leg_kinds:
-                    self.leg_kinds.append(leg.kind.value)
+        self._note_plan(decision)
         fused = decision.fused
         if fused is None or not fused.ok or not inputs.status.armed:
             return
@@ -58,6 +62,7 @@ class Tally:
             self.track.append(fused.point)
         elif (step_m := distance(self.track[-1], fused.point)) > 0.03:
             self.path_length_m += step_m
+            self.legs.moved(decision.now_s, fused.point, step_m)
             self.track.append(fused.point)
         velocity = fused.velocity_ned_m_s
         self.max_speed_m_s = max(self.max_speed_m_s, (velocity[0] ** 2 + velocity[1] ** 2) ** 0.5)
@@ -66,18 +71,33 @@ class Tally:
             clearance_m = decision.clearance_m
             self.minimum_clearance_m = clearance_m if known is None else min(known, clearance_m)
 
+    def _note_plan(self, decision: Decision) -> None:
+        """A plan, or that there is none, where this tick planned."""
+        plan = decision.plan
+        if plan is None or decision.fused is None:
+            return
+        self.bound.planned(decision.distance_to_go_m, plan)
+        self.sides.planned(decision.fused.point, plan)
+        if not isinstance(plan, Plan):
+            return
+        self.legs.planned(plan)
+        for leg in plan.legs:
+            if leg.kind.value not in self.leg_kinds:
+                self.leg_kinds.append(leg.kind.value)
+
     def report(
         self,
         outcome: Outcome,
         route_ned_m: tuple[Vector3, ...],
         *,
-        body_radius_m: float,
+        config: Config,
         log_path: str | None = None,
         log_notes: Sequence[str] = (),
         scenario: str | None = None,
         seed: int | None = None,
     ) -> FlightReport:
         """What the flight was; the clearance is the mapped one."""
+        comfortable_m = config.body.radius_m + config.planner.comfortable_clearance_m
         straight = ((0.0, 0.0), *((goal[0], goal[1]) for goal in route_ned_m))
         return FlightReport(
             ending=outcome.ending,
@@ -90,7 +110,10 @@ class Tally:
             stops=self.stops,
             replans=self.replans,
             minimum_clearance_m=self.minimum_clearance_m,
-            body_radius_m=body_radius_m,
+            body_radius_m=config.body.radius_m,
+            path_bound=self.bound.bound(comfortable_m, config.guard.fence),
+            side_changes=self.sides.count,
+            legs=self.legs.record(),
             max_speed_m_s=self.max_speed_m_s,
             timing=self.planning.record(),
             leg_kinds=tuple(self.leg_kinds),

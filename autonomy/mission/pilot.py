@@ -26,6 +26,8 @@ from autonomy.guidance.path import FlownPath
 from autonomy.guidance.pid import Pid
 from autonomy.guidance.yaw_scan import YawScan
 from autonomy.mission import failsafe
+from autonomy.mission.commitment import Commitment
+from autonomy.mission.ladder import Ladder, Rung
 from autonomy.mission.machine import NAVIGATING_STATES, OFFBOARD_STATES, TRANSITIONS
 from autonomy.mission.sensing import Sensing
 from autonomy.mission.sequence import Move, Sequence
@@ -86,7 +88,8 @@ class Pilot:
         self._goal_index = 0
         self._sensing = Sensing(config)
         self._sequence = Sequence(config)
-        self._planner = Planner(config.planner, config.body.radius_m, config.guard.fence)
+        planner = Planner(config.planner, config.body.radius_m, config.guard.fence)
+        self._commitment = Commitment(planner, config.mission.replan.side_hysteresis_m)
         self._scan = YawScan(math.radians(config.guidance.yaw_rate_deg_s))
         self._loops = OuterLoops(config.guidance)
         self._climb = Pid(config.guidance.altitude, config.guard.climb_max_m_s)
@@ -106,7 +109,7 @@ class Pilot:
         self._must_land = False
         self._climbing = False
         self._held_from = MissionState.PREFLIGHT
-        self._failures = 0
+        self._ladder = Ladder(config.mission.replan.attempts)
         self._look_for_s = 0.0
         self._moved_from: tuple[float, Point] | None = None
         self.stops = 0
@@ -241,11 +244,12 @@ class Pilot:
         self._planned_s = tick.now_s
         self.replans += 1
         goal = (self.goal[0], self.goal[1])
-        result = self._planner.plan(
+        result = self._commitment.plan(
             tick.fused.point,
             goal,
-            self._sensing.map.hits(),
+            np.array(self._sensing.map.hits()),
             _GOAL_MAY_MOVE * self._config.mission.goal_tolerance_m,
+            self._path.remaining(),
         )
         tick.plan = result
         if isinstance(result, NoPlan):
@@ -264,23 +268,21 @@ class Pilot:
 
     def _no_way(self, tick: Tick, reason: str, evidence: tuple[Point, ...]) -> Move:
         """The fixed ladder: look again, forget nearby, forget all, verdict. Never reset."""
-        self._failures += 1
-        replan = self._config.mission.replan
-        if self._failures >= replan.attempts:
-            why = f"the goal cannot be reached: {reason}"
+        replan, point = self._config.mission.replan, tick.fused.point
+        rung = self._ladder.climb()
+        if rung is Rung.VERDICT:
+            why = f"{rung}: {reason}"
             return Move(MissionState.LAND, why, Outcome(Ending.UNREACHABLE, why, evidence))
-        rung = "looking again"
-        point = tick.fused.point
-        if self._failures * 3 == replan.attempts:
+        doing = str(rung)
+        if rung is Rung.FORGET_NEARBY:
             self._sensing.map.forget_within(point, replan.forget_radius_m, _DISC_UNDER_VEHICLE_M)
-            rung = f"forgetting everything within {replan.forget_radius_m:g} m"
-        elif self._failures * 3 == 2 * replan.attempts:
+            doing = f"{rung} {replan.forget_radius_m:g} m"
+        elif rung is Rung.FORGET_ALL:
             self._sensing.map.forget_all(point, _DISC_UNDER_VEHICLE_M)
-            rung = "forgetting the whole map"
         self._look_for_s = replan.hover_s
         return Move(
             MissionState.DETECT,
-            f"no way ({self._failures} of {replan.attempts}): {reason}; {rung}",
+            f"no way ({self._ladder.failures} of {replan.attempts}): {reason}; {doing}",
         )
 
     def _next_goal(self, tick: Tick) -> Move:

@@ -28,6 +28,8 @@ TIE_RAD = 1e-7
 """Two directions nearer than this are one: collinear equal discs share their tangent."""
 CHAIN_M = 1.5
 """How far around a cut the chain of its component is activated."""
+ARC_STEP_RAD = 0.05
+"""How finely an exposed arc is looked at for the fence that cuts it."""
 SLACK_M = 1e-3
 """What sampled curves may take from a keep-out."""
 
@@ -1475,3 +1477,100 @@ def sample_conic(e: float, periapsis: float, begin: float, end: float, sagitta: 
     rows[count, 0] = end
     rows[count, 1] = p / (1.0 + e * math.cos(end))
     return rows[:count] if rows[count - 1, 0] >= end else rows[: count + 1]
+
+
+# ---------------------------------------------------------------- sides and perimeters
+
+
+@kernel
+def windings(loop: Floats, points: Floats) -> Ints:
+    """How often the closed loop (k, 2) goes round each point of (n, 2); growing angles count +1.
+
+    Sunday's count: crossings of a ray from the point, one way less the other.
+    """
+    turns = np.zeros(points.shape[0], dtype=np.int64)
+    for i in range(loop.shape[0]):
+        an, ae, bn, be = loop[i - 1, 0], loop[i - 1, 1], loop[i, 0], loop[i, 1]
+        if ae == be:
+            continue
+        for j in range(points.shape[0]):
+            n, e = points[j, 0], points[j, 1]
+            if (ae <= e) == (be <= e):
+                continue
+            side = (bn - an) * (e - ae) - (n - an) * (be - ae)
+            if ae <= e and side > 0.0:
+                turns[j] += 1
+            elif be <= e and side < 0.0:
+                turns[j] -= 1
+    return turns
+
+
+@kernel
+def mark_near(path: Floats, points: Floats, within: float, marks: Mask) -> None:
+    """Set `marks` (n,) to 1 where a point of (n, 2) is nearer than `within` to the polyline."""
+    for j in range(points.shape[0]):
+        for i in range(path.shape[0] - 1):
+            if marks[j] != 0:
+                break
+            away2 = segment_distance2(
+                points[j, 0],
+                points[j, 1],
+                path[i, 0],
+                path[i, 1],
+                path[i + 1, 0],
+                path[i + 1, 1],
+            )
+            if away2 < within * within:
+                marks[j] = 1
+
+
+@kernel
+def _exposed_arc(centre: Floats, radius: float, polygon: Floats, begin: float, end: float) -> float:
+    """How much of the arc from bearing `begin` to `end` is inside the polygon, in rad."""
+    inside = 0.0
+    parts = math.ceil((end - begin) / ARC_STEP_RAD)
+    for k in range(parts):
+        turn = begin + (k + 0.5) * (end - begin) / parts
+        n, e = centre[0] + radius * math.cos(turn), centre[1] + radius * math.sin(turn)
+        if _inside_polygon(polygon, n, e):
+            inside += (end - begin) / parts
+    return inside
+
+
+@kernel
+def exposed_arcs(centres: Floats, radius: float, polygon: Floats) -> Floats:
+    """(n,) how much of each circle lies in no other disc and inside the polygon, in rad.
+
+    Discs cover exact intervals of bearings, which are swept from -pi on; one that crosses pi is
+    two. The polygon's share is found every ARC_STEP_RAD.
+    """
+    n = centres.shape[0]
+    exposed = np.zeros(n)
+    begins, ends = np.empty(2 * n), np.empty(2 * n)
+    for i in range(n):
+        count = 0
+        for j in range(n):
+            dn, de = centres[j, 0] - centres[i, 0], centres[j, 1] - centres[i, 1]
+            away = math.hypot(dn, de)
+            if j == i or away >= 2.0 * radius or away == 0.0:
+                continue
+            towards, half = math.atan2(de, dn), math.acos(away / (2.0 * radius))
+            low, high = towards - half, towards + half
+            begins[count], ends[count] = low, high
+            if low < -math.pi:
+                begins[count] = -math.pi
+                count += 1
+                begins[count], ends[count] = low + TAU, math.pi
+            elif high > math.pi:
+                ends[count] = math.pi
+                count += 1
+                begins[count], ends[count] = -math.pi, high - TAU
+            count += 1
+        reached = -math.pi
+        for k in np.argsort(begins[:count]):
+            if begins[k] > reached:
+                exposed[i] += _exposed_arc(centres[i], radius, polygon, reached, begins[k])
+            reached = max(reached, ends[k])
+        if reached < math.pi:
+            exposed[i] += _exposed_arc(centres[i], radius, polygon, reached, math.pi)
+    return exposed
