@@ -11,7 +11,7 @@ JOBS ?= 2
 QUICK := tests/unit tests/contract tests/paper tests/architecture
 
 .DEFAULT_GOAL := help
-.PHONY: help fly test test-fast test-browser check format bench mutation clean
+.PHONY: help fly test test-fast conformance test-browser check format bench mutation clean
 
 help: ## show this
 	@awk -F':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -25,6 +25,9 @@ test: .venv/.dev ## the whole suite: unit, contract, paper, architecture, scenar
 
 test-fast: .venv/.dev ## what needs no flight: unit, contract, paper, architecture
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration" $(QUICK)
+
+conformance: .venv/.dev ## measured PX4 beside the mock, or beside a PX4: make conformance [CONNECTION=udpin://0.0.0.0:14540]
+	$(BIN)/python -m pytest -q --deviations $(if $(CONNECTION),--connection $(CONNECTION)) $(CONFORMANCE) tests/conformance
 
 test-browser: .venv/.dev ## the service's page in a real browser; needs Debian's chromium
 	$(BIN)/python -m pip install -q --prefer-binary -e ".[dev,browser]"

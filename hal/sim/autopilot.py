@@ -6,13 +6,22 @@ control, as indoors with a companion computer.
 """
 
 import math
-from collections import deque
+from collections import Counter, deque
 from typing import Protocol
 
 import msgspec
 import numpy as np
 
-from hal.frames import ZERO3, Vector3, add, ned_from_frd, norm, scale, wrap_pi
+from hal.frames import (
+    ZERO3,
+    Vector3,
+    add,
+    geodetic_from_ned,
+    ned_from_frd,
+    norm,
+    scale,
+    wrap_pi,
+)
 from hal.sim import px4_events as events
 from hal.sim.mission import Mission, velocity_to
 from hal.sim.px4 import (
@@ -37,6 +46,8 @@ _LANDING_DETECTED_S = 1.8
 _FREE_FALL_LANDED_S = 0.43
 _OFFBOARD_LOSS_JITTER_S = (0.02, 0.12)
 _COMPANION_LOSS_S = 4.5
+_FIRST_HEARTBEAT_S = 1.4
+_NO_GNSS = "Preflight: GPS fix too low"
 # Measured vertical profiles: velocity per height still to go, its limit and slew.
 _TAKEOFF_GAIN_PER_S, _TAKEOFF_MAX_M_S = 0.5, 0.77
 _RETURN_CLIMB_GAIN_PER_S = 0.4
@@ -46,17 +57,25 @@ _DESCENT_SLEW_M_S2 = 1.5
 _CRAWL_BELOW_M = 0.9
 # Return: the height over home is this times the distance (measured twice), horizontally homing.
 _RETURN_CONE = math.sqrt(3.0)
+_RETURN_CLIMB_S = 0.7  # at least, unless nothing is to be climbed
 _HOMING_GAIN_PER_S, _HOMING_MAX_M_S = 0.6, 1.5
 
 _NAMES = {
     Mode.MANUAL: "Manual",
     Mode.ALTITUDE: "Altitude",
     Mode.POSITION: "Position",
+    Mode.ORBIT: "Orbit",
     Mode.ACRO: "Acro",
     Mode.STABILIZED: "Stabilized",
     Mode.OFFBOARD: "Offboard",
     Mode.MISSION: "Mission",
+    Mode.HOLD: "Hold",
+    Mode.RETURN: "Return",
 }
+# The modes of a multicopter that need a global position: PX4's mode_requirements.cpp. Take-off
+# needs a local one; after it, PX4 stays in Takeoff where Hold cannot run.
+_GLOBAL_MODES = frozenset({Mode.HOLD, Mode.RETURN, Mode.MISSION})
+_NO_GLOBAL_POSITION = "Navigation error: No valid global position estimate"
 _OBL_ACTIONS = {4: Mode.LAND, 5: Mode.HOLD}
 _DLL_ACTIONS = {1: Mode.HOLD, 2: Mode.RETURN, 3: Mode.LAND, 5: Mode.TERMINATION}
 _EVENT_ACTIONS = {
@@ -69,13 +88,7 @@ _EVENT_ACTIONS = {
 
 class _VehiclePart(Protocol):
     @property
-    Mode.HOLD: "Hold",
-    Mode.RETURN: "Return",
     def drag_per_mass_s(self) -> float: ...
-# The modes of a multicopter that need a global position: PX4's mode_requirements.cpp. Take-off
-# needs a local one; after it, PX4 stays in Takeoff where Hold cannot run.
-_GLOBAL_MODES = frozenset({Mode.HOLD, Mode.RETURN, Mode.MISSION})
-_NO_GLOBAL_POSITION = "Navigation error: No valid global position estimate"
     @property
     def parameters(self) -> dict[str, float]: ...
 
@@ -92,6 +105,8 @@ class _ScenarioPart(Protocol):
 class _OriginPart(Protocol):
     @property
     def origin(self) -> Vector3: ...
+    @property
+    def present(self) -> bool: ...
 
 
 class Braking(msgspec.Struct, frozen=True):
@@ -105,8 +120,6 @@ class Braking(msgspec.Struct, frozen=True):
     @classmethod
     def plan(
         cls, now_s: float, position_ned_m: Vector3, velocity_ned_m_s: Vector3, jerk_m_s3: float
-    @property
-    def present(self) -> bool: ...
     ) -> "Braking":
         """A stop that begins now: its deceleration rises and falls in 2 sqrt(speed / jerk)."""
         duration_s = 2.0 * math.sqrt(norm(velocity_ned_m_s) / max(jerk_m_s3, 0.1))
@@ -155,17 +168,30 @@ class Autopilot:
         self.origin: Vector3 = scenario.gnss.origin
         self.texts: deque[AutopilotText] = deque(maxlen=256)
         self.events: deque[AutopilotEvent] = deque(maxlen=256)
+        self.event_sequence = 0
+        self.flights = 0
+        """How often it has been armed."""
+        self.flown_command = Command()
+        """What the position controller was asked for last."""
         self.ground_station = HeartbeatWatch()
         self.companion = HeartbeatWatch()
         self.gnss_fix = True
         """False while its receiver has no fix."""
+        self._has_gnss = scenario.gnss.present
         self._gnss = GnssWatch()
+        self._offboard_lost = False
         self._station_action: Mode | None = None
         self._station_action_s = math.inf
         self._said_reason = ""
         self._warned_mode: Mode | None = None
         self.battery_override: float | None = None
         self.mission = Mission()
+        self._scenario = scenario
+        self._booted_s = 0.0
+        self._silent_until_s = -math.inf
+        self._boot_shift_ned_m: Vector3 = ZERO3
+        self._refusals: dict[str, tuple[str, ...]] = {}
+        self._refused: Counter[str] = Counter()
         self._rng = rng
         self._boot_s = boot_s
         self._fault = ""
@@ -177,7 +203,6 @@ class Autopilot:
         self._entered: Mode | None = None
         self._armed = False
         self._armed_s = 0.0
-        self._has_gnss = scenario.gnss.present
         self._landed = True
         self._airborne = False
         self._kill_s: float | None = None
@@ -195,6 +220,7 @@ class Autopilot:
         self._vertical_sp_m_s = 0.0
         self._return_height_m = 0.0
         self._return_phase = "climb"
+        self._return_s = 0.0
         self._mission_lands = False
         self._battery = 1.0
         self._apply_limits()
@@ -207,9 +233,24 @@ class Autopilot:
         return self._now_s
 
     @property
+    def uptime_s(self) -> float:
+        """Seconds since it was started last: what its clock shows on the wire."""
+        return self._now_s - self._booted_s
+
+    @property
+    def silent(self) -> bool:
+        """True while it starts anew and says nothing."""
+        return self._now_s < self._silent_until_s
+
+    @property
     def armed(self) -> bool:
         """True while the motors may turn."""
         return self._armed
+
+    @property
+    def airborne(self) -> bool:
+        """True while its thrust carries it."""
+        return self._airborne
 
     @property
     def mode(self) -> Mode:
@@ -241,6 +282,11 @@ class Autopilot:
         return Landed.IN_AIR
 
     @property
+    def global_position(self) -> bool:
+        """True while it knows where on Earth it is; the local position may be good without."""
+        return self._has_gnss and self._gnss.position_valid
+
+    @property
     def not_armable_because(self) -> str:
         """Why arming would be refused; empty when it would not."""
         if self._now_s < self._boot_s:
@@ -248,13 +294,15 @@ class Autopilot:
         if self._fault:
             return self._fault
         if not self._gnss.position_valid:
-            return "Preflight: GPS fix too low"
+            return _NO_GNSS
         if self.ground_station.lost and int(self.parameters["NAV_DLL_ACT"]) > 0:
             return "Preflight Fail: No connection to the GCS"
         if self._intended.needs_pilot:
             return "Mode needs a remote control"
         if self._intended is Mode.OFFBOARD and not self._setpoint_fresh():
             return "No offboard signal"
+        if self._intended in _GLOBAL_MODES and not self.global_position:
+            return _NO_GLOBAL_POSITION
         return ""
 
     @property
@@ -282,11 +330,6 @@ class Autopilot:
         return self._home_ned_m
 
     @property
-    def global_position(self) -> bool:
-        """True while it knows where on Earth it is; the local position may be good without."""
-        return self._has_gnss and self._gnss.position_valid
-
-    @property
     def estimate_offset(self) -> EstimateOffset:
         """Estimate minus truth at the last step."""
         return self._error
@@ -301,8 +344,6 @@ class Autopilot:
         """What it believes."""
         return add(self.quadrotor.velocity_ned_m_s, self._error.velocity_ned_m_s)
 
-        if self._intended in _GLOBAL_MODES and not self.global_position:
-            return _NO_GLOBAL_POSITION
     @property
     def estimated_yaw_rad(self) -> float:
         """What it believes."""
@@ -314,6 +355,8 @@ class Autopilot:
         """MAV_CMD_COMPONENT_ARM_DISARM with 1."""
         if self._armed:
             return Result.ACCEPTED
+        if self._refusals.get("arm"):
+            return self._refuse("arm")
         reason = self.not_armable_because
         if reason:
             self._say_why_not(reason)
@@ -325,6 +368,7 @@ class Autopilot:
             return Result.TEMPORARILY_REJECTED
         self._armed = True
         self._armed_s = self._now_s
+        self.flights += 1
         self._home_ned_m = self.estimated_position_ned_m
         self._airborne = self._flown = False
         self._ramp_s = self._landed_s = self._touch_s = None
@@ -387,7 +431,9 @@ class Autopilot:
     def start_mission(self, first: int = 0) -> Result:
         """MAV_CMD_MISSION_START: arm if need be and fly the mission from item `first` on."""
         if not self.mission.items or not self.mission.set_current(first):
-            self.say(Severity.CRITICAL, "Mission start denied! No valid mission")
+            self.say(
+                Severity.CRITICAL, "Mission start denied! No valid mission", events.MISSION_DENIED
+            )
             return Result.DENIED
         result = self.arm()
         if result is Result.ACCEPTED:
@@ -401,6 +447,8 @@ class Autopilot:
         except ValueError:
             self.say(Severity.CRITICAL, "Unsupported main mode")
             return Result.TEMPORARILY_REJECTED
+        if mode is Mode.OFFBOARD and self._refusals.get("offboard"):
+            return self._refuse("offboard")
         if self._armed and not self._available(mode):
             self.say(
                 Severity.CRITICAL,
@@ -440,6 +488,60 @@ class Autopilot:
         self._apply_limits()
         return Result.ACCEPTED
 
+    # ------------------------------------------------------------ faults
+
+    def refuse(self, what: str, texts: tuple[str, ...]) -> None:
+        """Refuse "arm" or "offboard" with these texts from now on; with none, no longer."""
+        self._refusals[what] = texts
+
+    def take_refused(self, what: str) -> int:
+        """How often that was refused since it was last asked."""
+        return self._refused.pop(what, 0)
+
+    def _refuse(self, what: str) -> Result:
+        self._refused[what] += 1
+        for text in self._refusals[what]:
+            self.say(Severity.WARNING if text.startswith("Preflight") else Severity.CRITICAL, text)
+        return Result.TEMPORARILY_REJECTED
+
+    def take_over(self, mode: Mode) -> None:
+        """A pilot's switch: the mode is flown whether or not a command could have asked for it."""
+        self._command(mode)
+
+    def fail_safe(self, mode: Mode) -> None:
+        """A failsafe of its own takes over; only another mode ends it."""
+        if self._armed:
+            self._failsafe, self._offboard_lost = mode, False
+            self._announce_failsafe(mode)
+
+    def shift_estimate(self, by_ned_m: Vector3, by_yaw_rad: float = 0.0) -> None:
+        """The estimator's frame jumped: what it holds and returns to moves along, as in PX4."""
+        north, east, down = by_ned_m
+        b = self._braking
+        self._braking = msgspec.structs.replace(b, position_ned_m=add(b.position_ned_m, by_ned_m))
+        self._home_ned_m = add(self._home_ned_m, (north, east, down))
+        self._hold_yaw_rad = wrap_pi(self._hold_yaw_rad + by_yaw_rad)
+        if self._climb_to_m is not None:
+            self._climb_to_m += down
+
+    def reboot(self, boot_s: float) -> None:
+        """Start anew: motors off, silent at first, armable after `boot_s`, a frame from here.
+
+        Parameters and the mission are kept.
+        """
+        fresh = Autopilot(self._scenario, self._rng)
+        lasting = ("parameters", "mission", "quadrotor", "texts", "events", "_now_s", "_rng")
+        for name, value in vars(fresh).items():
+            if name not in lasting:
+                setattr(self, name, value)
+        north, east, down = self.quadrotor.position_ned_m
+        self.origin = geodetic_from_ned((north, east, down), fresh.origin)
+        self._boot_shift_ned_m = (-north, -east, -down)
+        self._booted_s = self._now_s
+        self._silent_until_s = self._now_s + _FIRST_HEARTBEAT_S
+        self._boot_s = self._now_s + boot_s
+        self._apply_limits()
+
     def set_fault(self, reason: str) -> None:
         """Make arming impossible for `reason` (PX4's words), or possible again with ''."""
         self._fault = reason
@@ -449,6 +551,9 @@ class Autopilot:
     def step(self, dt_s: float, error: EstimateOffset = EXACT) -> None:
         """Let `dt_s` seconds pass while the estimate is off by `error`."""
         self._now_s += dt_s
+        if self._booted_s > 0.0:
+            moved = add(error.position_ned_m, self._boot_shift_ned_m)
+            error = msgspec.structs.replace(error, position_ned_m=moved)
         self._error = error
         self._drain_battery(dt_s)
         self._watch()
@@ -463,7 +568,7 @@ class Autopilot:
             return
         if self._entered is not self.mode:
             self._enter(self.mode)
-        command = self._fly(dt_s)
+        command = self.flown_command = self._fly(dt_s)
         self._lift_off(command)
         self.quadrotor.step(dt_s, command, Motors.FLYING if self._airborne else Motors.IDLE, error)
         self._detect_landing(command)
@@ -498,6 +603,8 @@ class Autopilot:
         self._loss_jitter_s = float(self._rng.uniform(*_OFFBOARD_LOSS_JITTER_S))
 
     def _available(self, mode: Mode) -> bool:
+        if mode in _GLOBAL_MODES and not self.global_position:
+            return False
         if mode is Mode.OFFBOARD:
             return self._setpoint_fresh()
         if mode is Mode.MISSION:
@@ -512,14 +619,17 @@ class Autopilot:
         if self._intended is not Mode.OFFBOARD or self._landed:
             return
         if self._failsafe is not None:
-            if self._setpoint_fresh():
+            if self._offboard_lost and self._setpoint_fresh():
                 self._failsafe = None
             return
         if self._setpoint_fresh(self._loss_jitter_s):
             return
         self._loss_jitter_s = float(self._rng.uniform(*_OFFBOARD_LOSS_JITTER_S))
         # Without a remote control every fallback to a piloted mode ends in a return.
-        self._failsafe = _OBL_ACTIONS.get(int(self.parameters["COM_OBL_RC_ACT"]), Mode.RETURN)
+        action = _OBL_ACTIONS.get(int(self.parameters["COM_OBL_RC_ACT"]), Mode.RETURN)
+        # Hold falls through to Return, and Return to Land, where they cannot run (PX4's source).
+        self._failsafe = action if self._available(action) else Mode.LAND
+        self._offboard_lost = True
         self._announce_failsafe(self._failsafe)
 
     def _announce_failsafe(self, mode: Mode) -> None:
@@ -558,7 +668,8 @@ class Autopilot:
             self.say(Severity.INFO, "Onboard controller regained", events.COMPANION_BACK)
         complains, position = self._gnss.step(now_s, fix=self.gnss_fix)
         if complains:
-            self.say(Severity.WARNING, "Preflight: GPS fix too low")
+            self.say(Severity.WARNING, _NO_GNSS)
+            self._said_reason = _NO_GNSS
         if position is Change.LOST and not self._armed:
             self.report(events.FAILSAFE_WARNING, int(self._intended))
         self._warn_without_setpoints()
@@ -572,6 +683,8 @@ class Autopilot:
 
     def _say_why_not(self, reason: str) -> None:
         """PX4's words on what stands against arming, once for as long as it does."""
+        if reason == _NO_GLOBAL_POSITION:
+            self.report(events.NO_GLOBAL_POSITION, events.GLOBAL_MODES, 0)
         if reason.startswith("Preflight") and reason != self._said_reason:
             heading = reason.endswith("no heading reference")
             self.say(Severity.CRITICAL if heading else Severity.WARNING, reason)
@@ -583,7 +696,7 @@ class Autopilot:
             return
         delay_s = float(self.parameters["COM_FAIL_ACT_T"])
         self._station_action, self._station_action_s = action, self._now_s + delay_s
-        self._failsafe = Mode.HOLD
+        self._failsafe, self._offboard_lost = Mode.HOLD, False
         self.say(
             Severity.CRITICAL,
             f"Failsafe activated: entering Hold for {delay_s:.0f} seconds",
@@ -603,8 +716,6 @@ class Autopilot:
             return
         self._failsafe = action
         self.report(
-        if mode in _GLOBAL_MODES and not self.global_position:
-            return False
             events.FAILSAFE_OF,
             int(self._intended),
             _EVENT_ACTIONS[action],
@@ -635,14 +746,15 @@ class Autopilot:
         away = math.hypot(here[0] - home[0], here[1] - home[1])
         cone = min(_RETURN_CONE * away, float(self.parameters["RTL_RETURN_ALT"]))
         self._return_height_m = max(height, cone)
-        self._return_phase = "climb"
+        self._return_phase, self._return_s = "climb", self._now_s
         amsl = self.origin[2] - home[2] + self._return_height_m
+        above_m = math.ceil(self._return_height_m)
         self.say(
             Severity.INFO,
-            f"RTL: start return at {amsl:.0f} m ({self._return_height_m:.0f} m above destination)",
+            f"RTL: start return at {math.ceil(amsl)} m ({above_m} m above destination)",
             events.RETURN_AT,
-            round(amsl),
-            round(self._return_height_m),
+            math.ceil(amsl),
+            above_m,
         )
 
     # ------------------------------------------------------------ flying
@@ -683,8 +795,6 @@ class Autopilot:
             self._hold_yaw_rad = math.atan2(velocity[1], velocity[0])
         return Command(FREE3, velocity, self._hold_yaw_rad)
 
-        if reason == _NO_GLOBAL_POSITION:
-            self.report(events.NO_GLOBAL_POSITION, events.GLOBAL_MODES, 0)
     def _offboard_command(self) -> Command:
         setpoint = self._setpoint
         if math.isnan(setpoint.yaw_rad) and math.isnan(setpoint.yaw_rate_rad_s):
@@ -745,7 +855,10 @@ class Autopilot:
         away = math.hypot(north, east)
         if self._return_phase == "climb":
             to_go = self._return_height_m - (home[2] - here[2])
-            if to_go > float(self.parameters["NAV_MC_ALT_RAD"]) and self._airborne:
+            radius_m = float(self.parameters["NAV_MC_ALT_RAD"])
+            if to_go > 0.0 and self._now_s - self._return_s < _RETURN_CLIMB_S:
+                radius_m = 0.0
+            if to_go > radius_m and self._airborne:
                 fastest = float(self.parameters["MPC_Z_V_AUTO_UP"])
                 rate = -min(_RETURN_CLIMB_GAIN_PER_S * to_go, fastest)
                 return self._locked(self._slew(rate, _RETURN_CLIMB_SLEW_M_S2, dt_s))
@@ -832,6 +945,9 @@ class Autopilot:
 
     def _disarm(self, text: str, reason: int) -> None:
         in_air = not self._landed
+        if self.in_failsafe:
+            self._warned_mode = self._intended  # what was announced is not announced again
+        self.flown_command = Command()
         self._armed = False
         self._airborne = False
         self._failsafe = None
@@ -872,4 +988,5 @@ class Autopilot:
 
     def report(self, kind: EventKind, *arguments: float) -> None:
         """Queue an event alone."""
-        self.events.append(AutopilotEvent.of(self._now_s, kind, *arguments))
+        self.event_sequence = (self.event_sequence + 1) & 0xFFFF
+        self.events.append(AutopilotEvent.of(self._now_s, self.event_sequence, kind, *arguments))

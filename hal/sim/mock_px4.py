@@ -22,6 +22,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from hal.config import BeamsConfig
 from hal.errors import HalError
+from hal.sim.mock_px4_housekeeping import GimbalManager, event_message
 from hal.sim.mock_px4_plant import Plant, TruthWriter
 from hal.sim.mock_px4_protocol import (
     COMPONENT_ID,
@@ -32,6 +33,7 @@ from hal.sim.mock_px4_protocol import (
 )
 from hal.sim.mock_px4_streams import BeamEncoder, Message, gps_raw
 from hal.sim.px4 import AutopilotText
+from hal.sim.px4_events import AutopilotEvent
 from hal.sim.scenario import Scenario, load_scenario
 
 Address = tuple[str, int]
@@ -53,6 +55,7 @@ class Peer:
         self.heard_s = 0.0
         self.conversation = Conversation()
         self.texts: deque[tuple[AutopilotText, int]] = deque(maxlen=64)
+        self.events: deque[AutopilotEvent] = deque(maxlen=64)
         self.codec = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=COMPONENT_ID)
         self.codec.robust_parsing = True
 
@@ -76,6 +79,12 @@ class Peer:
         self.texts.clear()
         return messages
 
+    def take_events(self) -> list[Message]:
+        """Events that were not sent yet; they need no ground station."""
+        messages = [event_message(event) for event in self.events]
+        self.events.clear()
+        return messages
+
 
 class MockPx4:
     """The server: one socket, one plant, any number of peers. `port` is where it sends to."""
@@ -93,6 +102,7 @@ class MockPx4:
         onboard = ("127.0.0.1", port)
         self._peers = {onboard: Peer(onboard, system_id, permanent=True)}
         self._text_identity = 0
+        self._gimbal = GimbalManager()
 
     @property
     def address(self) -> Address:
@@ -131,6 +141,7 @@ class MockPx4:
         now_s = plant.autopilot.now_s
         self._hand_out_texts()
         sampled = self._sampled()
+        gimbal = self._gimbal.step(plant)
         for peer in list(self._peers.values()):
             if not peer.permanent and now_s - peer.heard_s > _FORGET_PEER_S:
                 del self._peers[peer.address]
@@ -140,6 +151,8 @@ class MockPx4:
             due += [m for m in sampled if schedule.allows(m.get_msgId())]
             due += self._protocol.pending(peer.conversation, now_s)
             due += peer.take_texts(now_s)
+            due += peer.take_events()
+            due += gimbal
             for message in due:
                 if message is not None:
                     self._send(peer, message)
@@ -173,6 +186,9 @@ class MockPx4:
         messages = [m for m in map(self._beams.encode, plant.ranges) if m is not None]
         if plant.new_fix is not None:
             messages.append(gps_raw(plant, plant.new_fix))
+        echo = self._protocol.range_echo.due(plant)
+        if echo is not None:
+            messages.append(echo)
         return messages
 
     def _hand_out_texts(self) -> None:
@@ -182,6 +198,11 @@ class MockPx4:
             self._text_identity = self._text_identity % 65535 + 1
             for peer in self._peers.values():
                 peer.texts.append((text, self._text_identity))
+        events = self._plant.autopilot.events
+        while events:
+            event = events.popleft()
+            for peer in self._peers.values():
+                peer.events.append(event)
 
     def _send(self, peer: Peer, message: Message) -> None:
         # A full buffer or an address that is gone loses the datagram, as on any radio link.

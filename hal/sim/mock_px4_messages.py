@@ -1,7 +1,7 @@
 """Messages that PX4 sends and that pymavlink's dialects do not know.
 
 Layouts are MAVLink's; the checksum seeds were verified on frames recorded from PX4 main
-bb59c637cd, except those of the two component descriptions, which follow from their fields.
+bb59c637cd; those of the components' and the protocol's descriptions follow from their fields.
 """
 
 import struct
@@ -122,6 +122,18 @@ COMPONENT_INFORMATION = Layout(
         ("peripherals_metadata_uri", "100s"),
     ),
 )
+PROTOCOL_VERSION = Layout(
+    300,
+    "PROTOCOL_VERSION",
+    217,
+    (
+        ("version", "H"),
+        ("min_version", "H"),
+        ("max_version", "H"),
+        ("spec_version_hash", "8s"),
+        ("library_version_hash", "8s"),
+    ),
+)
 
 LAYOUTS = {
     layout.message_id: layout
@@ -135,6 +147,7 @@ LAYOUTS = {
         ESTIMATOR_SENSOR_FUSION_STATUS,
         COMPONENT_METADATA,
         COMPONENT_INFORMATION,
+        PROTOCOL_VERSION,
     )
 }
 

@@ -7,15 +7,18 @@ import msgspec
 import numpy as np
 
 from hal.config import BeamsConfig
-from hal.readings import GnssFix, LocalPosition, RangeReading
+from hal.readings import FixType, GnssFix, LocalPosition, RangeReading
 from hal.sim.autopilot import Autopilot
-from hal.sim.faults import PositionFaults, with_beam_faults
+from hal.sim.fault_clock import FaultClock
+from hal.sim.faults import GnssFaults, PositionFaults, with_beam_faults
 from hal.sim.scenario import Scenario
 from hal.sim.sensors import EstimatorError, SimulatedBeams, SimulatedGnss
 from hal.sim.vehicle import Truth, truth_of
+from hal.sim.vehicle_faults import EstimateFaults, VehicleFaults
 from hal.sim.world import World
 
 _TRUTH_HZ = 20.0
+_LEAST_SATELLITES = 4
 
 
 class Plant:
@@ -27,19 +30,26 @@ class Plant:
     def __init__(
         self, scenario: Scenario, beams: BeamsConfig, seed: int, *, boot_s: float = 0.0
     ) -> None:
-        flight, estimate, ranging, gnss, faults = (
-            np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(5)
+        flight, estimate, ranging, gnss, faults, fixes = (
+            np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(6)
         )
         self.scenario = scenario
         self.beams_config = beams
         self.world = World(scenario)
         self.autopilot = Autopilot(scenario, flight, boot_s=boot_s)
+        self.fault_clock = when = FaultClock()
+        self.faults = VehicleFaults(self.autopilot, scenario.faults, when)
+        self._estimate_faults = EstimateFaults(scenario.faults, when)
+        self._gnss_faults = GnssFaults(scenario.faults, fixes, when)
         self._estimator = EstimatorError(scenario.estimator, estimate)
         self._beams = with_beam_faults(
-            SimulatedBeams(self.world, beams, scenario.beams, ranging), scenario.faults, faults
+            SimulatedBeams(self.world, beams, scenario.beams, ranging),
+            scenario.faults,
+            faults,
+            clock=when,
         )
         self._gnss = SimulatedGnss(scenario.gnss, gnss) if scenario.gnss.present else None
-        self._position_faults = PositionFaults(scenario.faults, faults)
+        self._position_faults = PositionFaults(scenario.faults, faults, clock=when)
         self.position: LocalPosition | None = None
         """The estimate as it is heard of; None while a fault keeps it silent."""
         self.ranges: tuple[RangeReading, ...] = ()
@@ -49,20 +59,35 @@ class Plant:
     def step(self, dt_s: float) -> None:
         """Let `dt_s` seconds pass."""
         autopilot = self.autopilot
-        autopilot.step(dt_s, self._estimator.step(dt_s))
+        self.faults.step(autopilot.now_s)
+        offset, jump = self._estimate_faults.spoil(autopilot.now_s, self._estimator.step(dt_s))
+        if jump is not None:
+            autopilot.shift_estimate(jump.position_ned_m, jump.yaw_rad)
+        autopilot.step(dt_s, offset)
         truth = self.truth()
         now_s = autopilot.now_s
         self.ranges = self._beams.sample(
             now_s, truth.position_ned_m, truth.roll_rad, truth.pitch_rad, truth.yaw_rad
         )
         fix = self._gnss.sample(now_s, truth.position_ned_m) if self._gnss else None
-        self.new_fix = self._received(fix)
+        self.new_fix = self._gnss_faults.pass_on(now_s, self._received(fix))
         self.fix = self.new_fix or self.fix
         self.position = self._position_faults.pass_on(
             LocalPosition(
-                now_s, autopilot.estimated_position_ned_m, autopilot.estimated_velocity_ned_m_s
+                now_s,
+                autopilot.estimated_position_ned_m,
+                autopilot.estimated_velocity_ned_m_s,
+                self._estimate_faults.resets % 256,
             )
         )
+
+    def _received(self, fix: GnssFix | None) -> GnssFix | None:
+        """The fix as far as the receiver sees satellites; SIM_GPS_USED says how many it uses."""
+        seen = int(self.autopilot.parameters["SIM_GPS_USED"])
+        self.autopilot.gnss_fix = seen >= _LEAST_SATELLITES and not self.faults.blind
+        if fix is None or self.autopilot.gnss_fix:
+            return fix
+        return msgspec.structs.replace(fix, fix_type=FixType.NO_FIX, satellites=seen)
 
     def truth(self) -> Truth:
         """The true state now."""

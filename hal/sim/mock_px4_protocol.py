@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from hal.frames import Vector3, ned_from_geodetic
 from hal.sim.mock_px4_files import file_answer, no_logs
+from hal.sim.mock_px4_housekeeping import RangeEcho, available_modes
 from hal.sim.mock_px4_mission import MissionProtocol, Transfer
 from hal.sim.mock_px4_plant import Plant
 from hal.sim.mock_px4_streams import ON_REQUEST, Message, Schedule
@@ -32,6 +33,14 @@ _HASH_CHECK = 7.403997877920988e30
 _POSITION_BITS, _VELOCITY_BITS = (1, 2, 4), (8, 16, 32)
 _YAW_BIT, _YAW_RATE_BIT = 1024, 2048
 _UNKNOWN_PARAMETER, _WRONG_TYPE = 1, 7
+_WITHOUT_TAB = ("Preflight", "Cleared")
+_PROGRESS_UNKNOWN = 255
+_GRIPPER_S = 1.0
+# REQUEST_MESSAGE accepts these, and nothing comes.
+_TAKEN_BUT_NOT_SENT = frozenset(
+    {mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL, mavlink.MAVLINK_MSG_ID_PING}
+)
+_STANDARD_MODES = {5: Mode.RETURN, 6: Mode.MISSION, 7: Mode.LAND, 8: Mode.TAKEOFF}
 
 
 class Conversation:
@@ -66,6 +75,7 @@ class Protocol:
         self._plant = plant
         self._system_id = system_id
         self._refused = frozenset(refused)
+        self.range_echo = RangeEcho(len(plant.beams_config.mounts))
         self._handlers: dict[str, Callable[[Message, Conversation], list[Message]]] = {
             "HEARTBEAT": self._heartbeat,
             "COMMAND_LONG": self._command_long,
@@ -75,6 +85,7 @@ class Protocol:
             "PARAM_REQUEST_READ": self._parameter_read,
             "PARAM_SET": self._parameter_set,
             "TIMESYNC": self._timesync,
+            "DISTANCE_SENSOR": self._distance,
             "PING": self._ping,
             "FILE_TRANSFER_PROTOCOL": lambda message, _: file_answer(message),
             "LOG_REQUEST_LIST": lambda message, _: no_logs(message),
@@ -97,6 +108,11 @@ class Protocol:
             mavlink.MAV_CMD_RUN_PREARM_CHECKS: lambda _: Result.ACCEPTED,
             mavlink.MAV_CMD_DO_CHANGE_SPEED: lambda _: Result.ACCEPTED,
             mavlink.MAV_CMD_DO_SET_HOME: lambda _: Result.ACCEPTED,
+            mavlink.MAV_CMD_DO_FLIGHTTERMINATION: self._terminate,
+            mavlink.MAV_CMD_DO_GRIPPER: lambda _: Result.IN_PROGRESS,
+            mavlink.MAV_CMD_DO_ORBIT: lambda _: pilot.set_mode(Mode.ORBIT.main, Mode.ORBIT.sub),
+            mavlink.MAV_CMD_DO_SET_STANDARD_MODE: self._set_standard_mode,
+            mavlink.MAV_CMD_INJECT_FAILURE: self._inject_failure,
         }
 
     def handle(self, message: Message, conversation: Conversation) -> list[Message]:
@@ -122,8 +138,12 @@ class Protocol:
         return conversation.pending(now_s) + self.missions.pending(conversation.transfer)
 
     def _heartbeat(self, message: Message, conversation: Conversation) -> list[Message]:
+        pilot = self._plant.autopilot
         if message.type == mavlink.MAV_TYPE_GCS:
-            conversation.gcs_heard_s = self._plant.autopilot.now_s
+            conversation.gcs_heard_s = pilot.now_s
+            pilot.ground_station.hear(pilot.now_s)
+        elif message.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER:
+            pilot.companion.hear(pilot.now_s)
         return []
 
     # ------------------------------------------------------------ commands
@@ -152,13 +172,13 @@ class Protocol:
             result = self._commands[command](parameters)
         else:
             result = Result.UNSUPPORTED
+        who = (message.get_srcSystem(), message.get_srcComponent())
+        if result is Result.IN_PROGRESS:
+            done = mavlink.MAVLink_command_ack_message(command, int(Result.ACCEPTED), 0, 0, *who)
+            conversation.delayed.append((self._plant.autopilot.now_s + _GRIPPER_S, done))
+        progress = _PROGRESS_UNKNOWN if result is Result.IN_PROGRESS else 0
         acknowledgement = mavlink.MAVLink_command_ack_message(
-            command,
-            int(result),
-            0,
-            0,
-            message.get_srcSystem(),
-            message.get_srcComponent(),
+            command, int(result), progress, 0, *who
         )
         return [acknowledgement, *extra]
 
@@ -179,6 +199,22 @@ class Protocol:
         if "offboard" in self._refused and main == Mode.OFFBOARD.main:
             return self._refuse("Switching to Offboard is currently not available")
         return pilot.set_mode(main, sub)
+
+    def _set_standard_mode(self, parameters: Sequence[float]) -> Result:
+        mode = _STANDARD_MODES.get(_whole(parameters[0]))
+        if mode is None:
+            return Result.FAILED
+        return self._plant.autopilot.set_mode(mode.main, mode.sub)
+
+    def _terminate(self, parameters: Sequence[float]) -> Result:
+        return self._plant.autopilot.terminate() if parameters[0] > 0.5 else Result.DENIED
+
+    def _inject_failure(self, parameters: Sequence[float]) -> Result:
+        """Only the end of a failure of the gyro was measured."""
+        if any(parameters[:2]):
+            return Result.UNSUPPORTED
+        self._plant.autopilot.say(Severity.INFO, "Cleared: gyro, all instances")
+        return Result.ACCEPTED
 
     def _refuse(self, text: str) -> Result:
         self._plant.autopilot.say(Severity.CRITICAL, text)
@@ -201,6 +237,11 @@ class Protocol:
         wanted = _whole(parameters[0])
         if wanted == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
             return Result.ACCEPTED, [self._interval(parameters[1], conversation)]
+        if wanted == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES:
+            modes = available_modes(parameters[1])
+            return (Result.ACCEPTED if modes else Result.DENIED), modes
+        if wanted in _TAKEN_BUT_NOT_SENT:
+            return Result.ACCEPTED, []
         build = ON_REQUEST.get(wanted)
         message = build(self._plant) if build is not None else None
         return (Result.DENIED, []) if message is None else (Result.ACCEPTED, [message])
@@ -255,13 +296,13 @@ class Protocol:
     def _parameter_list(self, _message: Message, conversation: Conversation) -> list[Message]:
         names = self._plant.autopilot.parameters.names
         conversation.parameter_list = (self._parameter(name) for name in names)
-        return [
-            mavlink.MAVLink_param_value_message(b"_HASH_CHECK", _HASH_CHECK, 5, len(names), 65535)
-        ]
+        return [_hash_check(len(names))]
 
     def _parameter_read(self, message: Message, _conversation: Conversation) -> list[Message]:
         names = self._plant.autopilot.parameters.names
         name = message.param_id
+        if name == "_HASH_CHECK":
+            return [_hash_check(len(names))]
         if message.param_index >= 0:
             name = names[message.param_index] if message.param_index < len(names) else ""
         if name not in self._plant.autopilot.parameters:
@@ -289,6 +330,10 @@ class Protocol:
             return []
         boot_ns = round(self._plant.autopilot.now_s * 1e9)
         return [mavlink.MAVLink_timesync_message(boot_ns, message.ts1)]
+
+    def _distance(self, message: Message, _conversation: Conversation) -> list[Message]:
+        self.range_echo.take(message)
+        return []
 
     def _ping(self, message: Message, _conversation: Conversation) -> list[Message]:
         if message.target_system != 0 or message.target_component != 0:
@@ -318,6 +363,10 @@ def _free(vector: Vector3) -> bool:
     return all(math.isnan(component) for component in vector)
 
 
+def _hash_check(count: int) -> Message:
+    return mavlink.MAVLink_param_value_message(b"_HASH_CHECK", _HASH_CHECK, 5, count, 65535)
+
+
 def _parameter_error(message: Message, name: str, error: int) -> Message:
     return mavlink.MAVLink_param_error_message(
         message.get_srcSystem(), message.get_srcComponent(), name.encode(), -1, error
@@ -342,7 +391,7 @@ def decode_value(wire: float, kind: int) -> int | float:
 
 def text_messages(text: AutopilotText, identity: int) -> list[Message]:
     """STATUSTEXT as PX4 sends it: a TAB at the end, in chunks of 50 bytes."""
-    words = text.text if text.text.startswith("Preflight") else text.text + "\t"
+    words = text.text if text.text.startswith(_WITHOUT_TAB) else text.text + "\t"
     data = words.encode()
     if len(data) < _TEXT_BYTES:
         return [mavlink.MAVLink_statustext_message(int(text.severity), data, identity, 0)]

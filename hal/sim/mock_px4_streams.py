@@ -13,6 +13,19 @@ from pymavlink.dialects.v20 import development as mavlink
 from hal.config import BeamMount
 from hal.frames import geodetic_from_ned
 from hal.readings import FixType, GnssFix, RangeReading, RangeStatus
+from hal.sim.mock_px4_housekeeping import (
+    HOUSEKEEPING,
+    component_information,
+    component_metadata,
+    flight_information,
+    protocol_version,
+)
+from hal.sim.mock_px4_messages import (
+    COMPONENT_INFORMATION,
+    COMPONENT_METADATA,
+    CURRENT_EVENT_SEQUENCE,
+    PROTOCOL_VERSION,
+)
 from hal.sim.mock_px4_plant import Plant
 from hal.sim.px4 import Mode
 
@@ -248,6 +261,8 @@ def mission_current(plant: Plant) -> Message:
 def home_position(plant: Plant) -> Message | None:
     """HOME_POSITION: set anew at each arming; there is none without a global position."""
     pilot = plant.autopilot
+    if not pilot.global_position:
+        return None
     lat, lon, amsl = geodetic_from_ned(pilot.home_ned_m, pilot.origin)
     return mavlink.MAVLink_home_position_message(
         round(lat * 1e7),
@@ -261,8 +276,6 @@ def home_position(plant: Plant) -> Message | None:
         boot_us(plant),
     )
 
-    if not pilot.global_position:
-        return None
 
 def gps_global_origin(plant: Plant) -> Message | None:
     """GPS_GLOBAL_ORIGIN of the local frame, where it is known."""
@@ -353,16 +366,21 @@ STREAMS: tuple[Stream, ...] = (
     Stream(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, 1.0, system_time),
     Stream(mavlink.MAVLINK_MSG_ID_PING, 1.0, ping),
     Stream(mavlink.MAVLINK_MSG_ID_TIMESYNC, 10.0, timesync),
+    *(Stream(*entry) for entry in HOUSEKEEPING),
 )
 
 SAMPLED = (mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR)
 """Messages that are sent when their sensor measured, not by a timer."""
 
 ON_REQUEST: dict[int, Callable[[Plant], Message | None]] = {
-    **{stream.message_id: stream.build for stream in STREAMS},
+    **{s.message_id: s.build for s in STREAMS if s.message_id != CURRENT_EVENT_SEQUENCE.message_id},
     mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: _last_gps,
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: gps_global_origin,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
+    PROTOCOL_VERSION.message_id: protocol_version,
+    mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION: flight_information,
+    COMPONENT_METADATA.message_id: component_metadata,
+    COMPONENT_INFORMATION.message_id: component_information,
 }
 """What MAV_CMD_REQUEST_MESSAGE can ask for."""
 

@@ -19,6 +19,7 @@ class Mode(IntEnum):
     MANUAL = 0x00010000
     ALTITUDE = 0x00020000
     POSITION = 0x00030000
+    ORBIT = 0x01030000
     ACRO = 0x00050000
     OFFBOARD = 0x00060000
     STABILIZED = 0x00070000
@@ -77,6 +78,7 @@ class Result(IntEnum):
     DENIED = 2
     UNSUPPORTED = 3
     FAILED = 4
+    IN_PROGRESS = 5
 
 
 class Landed(IntEnum):

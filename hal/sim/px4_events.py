@@ -28,18 +28,24 @@ class EventKind(msgspec.Struct, frozen=True):
     external: int = 6
     layout: str = ""
 
+    @property
+    def number(self) -> int:
+        """Its id on the wire."""
+        return event_id(self.name)
+
 
 class AutopilotEvent(msgspec.Struct, frozen=True):
     """One event; `at_s` is autopilot time, `arguments` as they lie on the wire."""
 
     at_s: float
+    sequence: int
     kind: EventKind
     arguments: bytes = b""
 
     @classmethod
-    def of(cls, at_s: float, kind: EventKind, *arguments: float) -> "AutopilotEvent":
+    def of(cls, at_s: float, sequence: int, kind: EventKind, *arguments: float) -> "AutopilotEvent":
         """An event with its arguments laid out."""
-        return cls(at_s, kind, struct.pack("<" + kind.layout, *arguments))
+        return cls(at_s, sequence, kind, struct.pack("<" + kind.layout, *arguments))
 
     @property
     def log_levels(self) -> int:
@@ -73,7 +79,7 @@ STATION_LOST = EventKind("commander_gcs_lost", 6, 4)
 STATION_BACK = EventKind("commander_dl_regained")
 COMPANION_LOST = EventKind("commander_mission_comp_lost", 2, 2)
 COMPANION_BACK = EventKind("commander_onboard_ctrl_regained")
-MISSION_DENIED = EventKind("commander_mission_start_denied_no_mission", 6, 2)
 NO_GLOBAL_POSITION = EventKind("check_modes_global_pos", 6, 3, "IB")
 GLOBAL_MODES = 1 << 3 | 1 << 4 | 1 << 5
 """The first argument of a failed check: the modes it forbids, here Mission, Hold and Return."""
+MISSION_DENIED = EventKind("commander_mission_start_denied_no_mission", 6, 2)

@@ -24,6 +24,7 @@ from hal.config import (
 )
 from hal.errors import DocumentError
 from hal.frames import Vector3
+from hal.sim.fault_kinds import Fault
 
 BODY_HALF_HEIGHT_M = 0.08
 """From the centre of a small quadrotor to its skids, or to the top of its canopy."""
@@ -207,55 +208,6 @@ class VehicleSimulation(Section):
     body_radius_m: Positive = 0.15
     body_half_height_m: NonNegative = BODY_HALF_HEIGHT_M
     parameters: dict[str, Finite] = Field(default_factory=lambda: {"COM_OBL_RC_ACT": 5.0})
-
-
-class FaultWindow(Section):
-    """When a fault is there: from `start_s` of simulated time on, for good without a duration."""
-
-    start_s: NonNegative
-    duration_s: Positive | None = None
-
-    def active(self, elapsed_s: float) -> bool:
-        """True while the fault is there, `elapsed_s` seconds into the simulation."""
-        end_s = math.inf if self.duration_s is None else self.start_s + self.duration_s
-        return self.start_s <= elapsed_s < end_s
-
-
-class BeamFault(FaultWindow):
-    """One beam, or all of them without `beam`, misbehaves.
-
-    `beam_dropout`: reports NO_SIGNAL. `beam_stuck`: repeats its last measurement with new stamps.
-    `beam_silence`: sends nothing at all.
-    """
-
-    kind: Literal["beam_dropout", "beam_stuck", "beam_silence"]
-    beam: str | None = None
-
-
-class BeamNoise(FaultWindow):
-    """One beam, or all, is noisier than it says: `sigma_m` more, its variance unchanged."""
-
-    kind: Literal["beam_noise"]
-    beam: str | None = None
-    sigma_m: Positive = 0.1
-
-
-class PositionFault(FaultWindow):
-    """The autopilot's estimate stops: no messages, or the last one with new stamps."""
-
-    kind: Literal["position_silence", "position_stuck"]
-
-
-class PositionNoise(FaultWindow):
-    """The autopilot's estimate is white noise of `sigma_m` per axis worse."""
-
-    kind: Literal["position_noise"]
-    sigma_m: Positive = 0.1
-
-
-Fault = Annotated[
-    BeamFault | BeamNoise | PositionFault | PositionNoise, Field(discriminator="kind")
-]
 
 
 class Scenario(Section):

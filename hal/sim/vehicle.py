@@ -210,10 +210,15 @@ class SimVehicle:
             for text in autopilot.texts
         )
         autopilot.texts.clear()
-        if not autopilot.silent:
-            self._down.put(now_s, _Told(position, attitude, self._read_status(now_s), texts))
-        for told in self._down.take(now_s):
+        if autopilot.silent:
+            return
+        told = _Told(position, attitude, self._read_status(now_s), texts)
+        if self._down.sound:
             self._hear(now_s, told)
+            return
+        self._down.put(now_s, told)
+        for arrived in self._down.take(now_s):
+            self._hear(now_s, arrived)
 
     def _hear(self, now_s: float, told: _Told) -> None:
         """What was sent arrives; what was overtaken on the way is not believed."""

@@ -448,7 +448,7 @@ def test_a_return_climbs_first_and_lands_at_home() -> None:
     assert flight.pilot.return_to_launch() is Result.ACCEPTED
     flight.fly(0.1)
     height_m = math.sqrt(3.0) * away
-    assert flight.texts()[-1].endswith(f"({height_m:.0f} m above destination)")
+    assert flight.texts()[-1].endswith(f"({math.ceil(height_m)} m above destination)")
     assert flight.texts()[-2] == "Returning to launch"
     flight.until(lambda: flight.pilot.landed is Landed.LANDING)
     assert flight.height_m > height_m - 1.0

@@ -1,0 +1,19 @@
+"""Every measured sequence of commands, played again."""
+
+import pytest
+
+from tests.conformance.conftest import Needs, note
+from tests.conformance.transcript import Sequence, compare, sequences
+from tests.conformance.vehicle import Vehicle
+
+
+@pytest.mark.parametrize("sequence", sequences(), ids=lambda s: s.name)
+def test_a_sequence_goes_as_measured(
+    vehicle: Vehicle, needs: Needs, sequence: Sequence, request: pytest.FixtureRequest
+) -> None:
+    needs(*sequence.needs)
+    seen = vehicle.play(sequence)
+    rows = compare(sequence.seen, seen)
+    note(request, rows)
+    off = [str(row) for row in rows if row.share > 1.0]
+    assert not off, "measured     seen\n" + "\n".join(off)
