@@ -23,7 +23,8 @@ from hal.config import MavlinkDriver
 from hal.frames import Vector3
 from hal.setpoints import Reply
 from hal.sim.autopilot import Autopilot
-from hal.sim.faults import PositionFaults, with_beam_faults
+from hal.sim.fault_clock import FaultClock
+from hal.sim.faults import GnssFaults, PositionFaults, with_beam_faults
 from hal.sim.scenario import Scenario, VehicleSimulation
 from hal.sim.sensors import EstimatorError, SimulatedBeams, SimulatedGnss
 from hal.sim.vehicle import SimVehicle
@@ -50,9 +51,9 @@ class SimulatedFlight:
     simulated_s: float
     wall_s: float
     timing: TimingRecord | None
-    track: list[Point] = field(default_factory=list)
     path_bound: PathBound
     side_changes: int
+    track: list[Point] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
 
 
@@ -67,8 +68,9 @@ class Simulation:
         seed: int = 0,
     ) -> None:
         """`config.guard.fence` is taken as given: callers put the scenario's there."""
-        streams = [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(4)]
+        streams = [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(6)]
         self.clock = SimClock()
+        when = FaultClock(self.clock.now_s())
         self.world = World(scenario)
         self._scenario = scenario
         self._config = config
@@ -76,13 +78,18 @@ class Simulation:
             Autopilot(scenario, streams[0]),
             self.clock,
             EstimatorError(scenario.estimator, streams[1]),
+            faults=scenario.faults,
+            fault_clock=when,
+            rng=streams[4],
         )
         self._beams = with_beam_faults(
             SimulatedBeams(self.world, config.beams, scenario.beams, streams[2]),
             scenario.faults,
             streams[2],
+            clock=when,
         )
-        self._position_faults = PositionFaults(scenario.faults, streams[2])
+        self._position_faults = PositionFaults(scenario.faults, streams[2], clock=when)
+        self._gnss_faults = GnssFaults(scenario.faults, streams[5], when)
         self._gnss = SimulatedGnss(scenario.gnss, streams[3]) if scenario.gnss.present else None
         self.guarded = GuardedPilot(config, route)
         self._replies: list[Reply] = []
@@ -105,7 +112,9 @@ class Simulation:
             ),
             local_position=self._position_faults.pass_on(local) if local is not None else None,
             attitude=self.vehicle.attitude(),
-            gnss=self._gnss.sample(now_s, truth.position_ned_m) if self._gnss else None,
+            gnss=self._gnss_faults.pass_on(now_s, self._gnss.sample(now_s, truth.position_ned_m))
+            if self._gnss
+            else None,
             status=self.vehicle.status(),
             facts=self.vehicle.facts(),
             replies=tuple(self._replies),
@@ -155,6 +164,9 @@ class _Book:
 
     def __init__(self, body: VehicleSimulation, config: Config) -> None:
         self._body = body
+        self._config = config
+        self._bound = BoundTally()
+        self._sides = SideChanges()
         self._airborne_from_s: float | None = None
         self._navigating: list[float] = []
         self._clearance_m = float("inf")
@@ -164,9 +176,6 @@ class _Book:
         self._planning = PlanningTime()
         self._error_m = float("inf")
         self._last_s = 0.0
-        self._config = config
-        self._bound = BoundTally()
-        self._sides = SideChanges()
         self.track: list[Point] = []
         self.commands: list[Command] = []
 
@@ -176,6 +185,9 @@ class _Book:
         decision = command.decision
         self._last_s = decision.now_s
         self._planning.note(decision, step_s)
+        if decision.plan is not None and decision.fused is not None:
+            self._bound.planned(decision.distance_to_go_m, decision.plan)
+            self._sides.planned(decision.fused.point, decision.plan)
         if -truth.position_ned_m[2] < 0.1:
             return
         if self._airborne_from_s is None:
@@ -185,9 +197,6 @@ class _Book:
             self._length_m += distance(self.track[-1], point)
         self.track.append(point)
         clearance_m = simulation.world.clearance_m(truth.position_ned_m)
-        if decision.plan is not None and decision.fused is not None:
-            self._bound.planned(decision.distance_to_go_m, decision.plan)
-            self._sides.planned(decision.fused.point, decision.plan)
         self._clearance_m = min(self._clearance_m, clearance_m)
         self._collided |= simulation.world.collides(
             truth.position_ned_m, self._body.body_radius_m, self._body.body_half_height_m
@@ -204,6 +213,7 @@ class _Book:
         if outcome is None:
             raise ValueError("the flight has no outcome yet: close the book at its end")
         airborne_s = self._airborne_from_s
+        comfortable_m = self._config.body.radius_m + self._config.planner.comfortable_clearance_m
         return SimulatedFlight(
             outcome=outcome,
             flight_time_s=self._last_s - airborne_s if airborne_s is not None else 0.0,
@@ -213,7 +223,6 @@ class _Book:
             path_length_m=self._length_m,
             true_clearance_m=self._clearance_m,
             collided=self._collided,
-        comfortable_m = self._config.body.radius_m + self._config.planner.comfortable_clearance_m
             stops=command.decision.stops,
             replans=command.decision.replans,
             final_error_m=self._error_m,
@@ -221,6 +230,8 @@ class _Book:
             simulated_s=self._last_s,
             wall_s=wall_s,
             timing=self._planning.record(),
+            path_bound=self._bound.bound(comfortable_m, self._config.guard.fence),
+            side_changes=self._sides.count,
             track=self.track,
             commands=self.commands,
         )
@@ -230,8 +241,6 @@ def with_scenario(config: Config, scenario: Scenario) -> Config:
     """The configuration for flying in a scenario: its fence, and beams that the simulated vehicle
     has. The sensors of this computer, and their calibration, are those of another vehicle.
     """
-            path_bound=self._bound.bound(comfortable_m, self._config.guard.fence),
-            side_changes=self._sides.count,
     guard = config.guard.model_copy(update={"fence": scenario.fence})
     ideal = {"offset_m": 0.0, "sigma_m": 0.0}
     mounts = tuple(mount.model_copy(update=ideal) for mount in config.beams.mounts)

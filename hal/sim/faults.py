@@ -1,28 +1,33 @@
-"""Faults as decorators: they stand around a healthy source and spoil what it says.
+"""Faults of sensors as decorators: they stand around a healthy source and spoil what it says.
 
-Nothing else in the simulation knows of them. Which fault comes when is the scenario's `faults`;
-its times count from `since_s`, the time at which the simulation began.
+Nothing else in the simulation knows of them. Which fault comes when is the scenario's `faults`; a
+`FaultClock` says when that is.
 """
 
+import math
 from collections.abc import Iterable
-from typing import TypeVar
 
 import msgspec
 import numpy as np
 
 from hal.errors import DocumentError
-from hal.frames import Vector3, add
-from hal.readings import LocalPosition, RangeReading, RangeStatus
-from hal.sim.scenario import (
-    BeamFault,
+from hal.frames import EARTH_RADIUS_M, Vector3, add
+from hal.readings import FixType, GnssFix, LocalPosition, RangeReading, RangeStatus
+from hal.sim.fault_clock import FaultClock
+from hal.sim.fault_kinds import (
+    BeamBias,
+    BeamCrosstalk,
+    BeamKind,
     BeamNoise,
     FaultWindow,
+    GnssDrift,
+    GnssJump,
+    GnssLoss,
+    GnssNoise,
     PositionFault,
     PositionNoise,
 )
 from hal.sim.sensors import BeamSampler
-
-W = TypeVar("W", bound=FaultWindow)
 
 
 def with_beam_faults(
@@ -30,19 +35,24 @@ def with_beam_faults(
     faults: Iterable[FaultWindow],
     rng: np.random.Generator,
     since_s: float = 0.0,
+    clock: FaultClock | None = None,
 ) -> BeamSampler:
     """`sampler` with those of `faults` around it that concern beams; itself when none does.
 
-    Raises DocumentError when a fault names a beam that the vehicle does not have.
+    Without a `clock` the faults' times count from `since_s`, and nobody says when the vehicle
+    lifted off. Raises DocumentError when a fault names a beam that the vehicle does not have.
     """
-    mine = tuple(fault for fault in faults if isinstance(fault, BeamFault | BeamNoise))
+    mine = tuple(fault for fault in faults if isinstance(fault, BeamKind))
     for fault in mine:
-        if fault.beam is not None and fault.beam not in sampler.beams:
-            raise DocumentError(
-                f"the scenario's fault {fault.kind} is for beam {fault.beam!r}, which the vehicle "
-                f"does not have: use one of {', '.join(sampler.beams)}, or leave beam out for all"
-            )
-    return FaultyBeams(sampler, mine, rng, since_s) if mine else sampler
+        named = [fault.beam, fault.other] if isinstance(fault, BeamCrosstalk) else [fault.beam]
+        for beam in named:
+            if beam is not None and beam not in sampler.beams:
+                raise DocumentError(
+                    f"the scenario's fault {fault.kind} is for beam {beam!r}, which the vehicle "
+                    f"does not have: use one of {', '.join(sampler.beams)}, or leave beam out for "
+                    "all"
+                )
+    return FaultyBeams(sampler, mine, rng, clock or FaultClock(since_s)) if mine else sampler
 
 
 class FaultyBeams:
@@ -51,14 +61,15 @@ class FaultyBeams:
     def __init__(
         self,
         sampler: BeamSampler,
-        faults: tuple[BeamFault | BeamNoise, ...],
+        faults: tuple[BeamKind, ...],
         rng: np.random.Generator,
-        since_s: float,
+        clock: FaultClock,
     ) -> None:
         self._sampler = sampler
         self._faults = faults
         self._rng = rng
-        self._since_s = since_s
+        self._clock = clock
+        self._heard: dict[str, RangeReading] = {}
         self._last: dict[str, RangeReading] = {}
 
     @property
@@ -76,13 +87,12 @@ class FaultyBeams:
     ) -> tuple[RangeReading, ...]:
         """What the beams say with the faults of this moment, in the order of the scenario."""
         readings = self._sampler.sample(now_s, position_ned_m, roll_rad, pitch_rad, yaw_rad)
-        active = _active(self._faults, now_s - self._since_s)
+        active = self._clock.active(self._faults, now_s)
+        self._heard.update((reading.beam, reading) for reading in readings)
         spoilt = (self._spoil(reading, active) for reading in readings)
         return tuple(reading for reading in spoilt if reading is not None)
 
-    def _spoil(
-        self, reading: RangeReading, active: tuple[BeamFault | BeamNoise, ...]
-    ) -> RangeReading | None:
+    def _spoil(self, reading: RangeReading, active: tuple[BeamKind, ...]) -> RangeReading | None:
         kinds = [fault for fault in active if fault.beam in (None, reading.beam)]
         if not any(fault.kind == "beam_stuck" for fault in kinds):
             self._last[reading.beam] = reading
@@ -92,9 +102,13 @@ class FaultyBeams:
                 spoilt = self._apply(fault, spoilt)
         return spoilt
 
-    def _apply(self, fault: BeamFault | BeamNoise, reading: RangeReading) -> RangeReading | None:
+    def _apply(self, fault: BeamKind, reading: RangeReading) -> RangeReading | None:
         if isinstance(fault, BeamNoise):
-            return self._noisier(reading, fault.sigma_m)
+            return _farther(reading, fault.sigma_m * self._rng.standard_normal())
+        if isinstance(fault, BeamBias):
+            return _farther(reading, fault.bias_m)
+        if isinstance(fault, BeamCrosstalk):
+            return self._crossed(fault, reading)
         if fault.kind == "beam_silence":
             return None
         if fault.kind == "beam_stuck":
@@ -106,37 +120,47 @@ class FaultyBeams:
             reading, status=RangeStatus.NO_SIGNAL, range_m=0.0, variance_m2=unknown
         )
 
-    def _noisier(self, reading: RangeReading, sigma_m: float) -> RangeReading:
-        if reading.status is not RangeStatus.VALID:
+    def _crossed(self, fault: BeamCrosstalk, reading: RangeReading) -> RangeReading:
+        other = self._heard.get(fault.other)
+        if other is None or self._rng.random() >= fault.probability:
             return reading
-        range_m = reading.range_m + sigma_m * self._rng.standard_normal()
-        if range_m < reading.min_m:
-            return msgspec.structs.replace(
-                reading, status=RangeStatus.TOO_NEAR, range_m=reading.min_m
-            )
-        if range_m > reading.max_m:
-            return msgspec.structs.replace(
-                reading, status=RangeStatus.OUT_OF_RANGE, range_m=reading.max_m
-            )
-        return msgspec.structs.replace(reading, range_m=range_m)
+        return msgspec.structs.replace(other, beam=reading.beam, stamp_s=reading.stamp_s)
+
+
+def _farther(reading: RangeReading, by_m: float) -> RangeReading:
+    """A reading that is `by_m` farther, within what the beam can say."""
+    if reading.status is not RangeStatus.VALID:
+        return reading
+    range_m = reading.range_m + by_m
+    if range_m < reading.min_m:
+        return msgspec.structs.replace(reading, status=RangeStatus.TOO_NEAR, range_m=reading.min_m)
+    if range_m > reading.max_m:
+        return msgspec.structs.replace(
+            reading, status=RangeStatus.OUT_OF_RANGE, range_m=reading.max_m
+        )
+    return msgspec.structs.replace(reading, range_m=range_m)
 
 
 class PositionFaults:
     """Stands between the simulated estimator and whoever listens to it."""
 
     def __init__(
-        self, faults: Iterable[FaultWindow], rng: np.random.Generator, since_s: float = 0.0
+        self,
+        faults: Iterable[FaultWindow],
+        rng: np.random.Generator,
+        since_s: float = 0.0,
+        clock: FaultClock | None = None,
     ) -> None:
         self._faults = tuple(f for f in faults if isinstance(f, PositionFault | PositionNoise))
         self._rng = rng
-        self._since_s = since_s
+        self._clock = clock or FaultClock(since_s)
         self._last: LocalPosition | None = None
 
     def pass_on(self, estimate: LocalPosition) -> LocalPosition | None:
         """What is heard of `estimate`: itself, a spoilt one, or nothing."""
         if not self._faults:
             return estimate
-        active = _active(self._faults, estimate.stamp_s - self._since_s)
+        active = self._clock.active(self._faults, estimate.stamp_s)
         if not any(fault.kind == "position_stuck" for fault in active):
             self._last = estimate
         heard = estimate
@@ -157,5 +181,40 @@ class PositionFaults:
         )
 
 
-def _active(faults: tuple[W, ...], elapsed_s: float) -> tuple[W, ...]:
-    return tuple(fault for fault in faults if fault.active(elapsed_s))
+class GnssFaults:
+    """Stands between the simulated receiver and whoever listens to it."""
+
+    def __init__(
+        self, faults: Iterable[FaultWindow], rng: np.random.Generator, clock: FaultClock
+    ) -> None:
+        kinds = GnssLoss | GnssJump | GnssDrift | GnssNoise
+        self._faults = tuple(f for f in faults if isinstance(f, kinds))
+        self._rng = rng
+        self._clock = clock
+
+    def pass_on(self, now_s: float, fix: GnssFix | None) -> GnssFix | None:
+        """What is heard of `fix` at `now_s`: itself, or a spoilt one."""
+        if fix is None:
+            return None
+        for fault in self._clock.active(self._faults, now_s):
+            if isinstance(fault, GnssLoss):
+                return msgspec.structs.replace(fix, fix_type=FixType.NO_FIX, satellites=0)
+            if isinstance(fault, GnssJump):
+                fix = _displaced(fix, fault.north_m, fault.east_m)
+            elif isinstance(fault, GnssDrift):
+                lasted_s = self._clock.began_s(fault, now_s)
+                fix = _displaced(fix, fault.north_m_s * lasted_s, fault.east_m_s * lasted_s)
+            else:
+                north_m, east_m = (fault.sigma_m * self._rng.standard_normal(2)).tolist()
+                fix = _displaced(fix, north_m, east_m)
+        return fix
+
+
+def _displaced(fix: GnssFix, north_m: float, east_m: float) -> GnssFix:
+    latitude_deg = fix.latitude_deg + math.degrees(north_m / EARTH_RADIUS_M)
+    around_m = EARTH_RADIUS_M * math.cos(math.radians(fix.latitude_deg))
+    return msgspec.structs.replace(
+        fix,
+        latitude_deg=latitude_deg,
+        longitude_deg=fix.longitude_deg + math.degrees(east_m / around_m),
+    )

@@ -10,7 +10,8 @@ from autonomy.model import Ending, MissionState, OperatorCommand
 from autonomy.simulation import SimulatedFlight, Simulation, goal_of, with_scenario
 from hal.frames import add
 from hal.setpoints import Reply, Request, RequestKind
-from hal.sim.scenario import BeamFault, PositionFault, Scenario, load_scenario
+from hal.sim.fault_kinds import BeamFault, PositionFault
+from hal.sim.scenario import Scenario, load_scenario
 
 IN_CRUISE_S = 22.0
 """Simulated time at which every flight of the default room is on its way."""

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from hal.config import BeamsConfig, Section, validate_document
 from hal.errors import DocumentError
 from hal.sim import scenario as scenarios
+from hal.sim.fault_kinds import fault_kinds
 from hal.sim.scenario import Box, Rectangle, Scenario, Wall, load_scenario, shipped_scenarios
 from hal.sim.world import World
 
@@ -191,10 +192,7 @@ def test_a_mistake_in_a_file_is_placed_by_line_and_key(tmp_path: Path) -> None:
         scenarios.GnssSimulation,
         scenarios.EstimatorSimulation,
         scenarios.VehicleSimulation,
-        scenarios.BeamFault,
-        scenarios.BeamNoise,
-        scenarios.PositionFault,
-        scenarios.PositionNoise,
+        *fault_kinds().values(),
     ],
 )
 def test_the_readme_explains_every_key(model: type[Section]) -> None:
