@@ -38,7 +38,7 @@ from hal.errors import ConnectionFailed
 from hal.frames import Vector3, ned_from_enu, ned_from_frd
 from hal.gnss.autopilot_gnss import AutopilotGnss
 from hal.interfaces import Vehicle
-from hal.sim.scenario import Scenario, load_scenario
+from hal.sim.scenario import Scenario, load_scenario, with_faults
 from hal.vehicle.deadman import Deadman
 
 _POLL_S = 0.05
@@ -88,6 +88,7 @@ def prepare_with(config: Config, options: FlyOptions) -> Mission:
     scenario = load_scenario(options.scenario) if options.scenario is not None else None
     virtual = None
     if scenario is not None:
+        scenario = with_faults(scenario, options.faults)
         config = with_scenario(config, scenario)
     else:
         driver = typed_driver(options, config.beams.virtual())
@@ -133,7 +134,9 @@ def fly(options: FlyOptions) -> FlightReport:
         embedded: EmbeddedPx4 | None = None
         if options.scenario is not None:
             progress.note(f"starting the embedded PX4 in scenario {options.scenario}")
-            embedded = stack.enter_context(EmbeddedPx4(options.scenario, options.seed))
+            embedded = stack.enter_context(
+                EmbeddedPx4(options.scenario, options.seed, options.faults)
+            )
             connection = embedded.connection
         report = asyncio.run(_fly(mission, connection, recorder, progress))
         if embedded is not None:

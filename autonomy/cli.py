@@ -124,6 +124,14 @@ def _positive(_: click.Context, __: click.Parameter, value: float | None) -> flo
 
 
 _EXISTING = click.Path(exists=True, dir_okay=False)
+_FAULTS = click.option(
+    "--fault",
+    "faults",
+    multiple=True,
+    metavar="KIND[@WHEN[/SECONDS]][:KEY=VALUE,...]",
+    help="Let something go wrong, as in link_loss@liftoff+5/2 or beam_stuck@20:beam=front; "
+    "configs/scenarios/README.md lists the kinds.",
+)
 
 
 @click.group(cls=Shell, context_settings={"help_option_names": ["-h", "--help"]})
@@ -175,6 +183,7 @@ def main() -> None:
     "past obstacles that are not there. It does not see what is.",
 )
 @click.option("--send-beams", is_flag=True, help="Show the virtual beams to a ground station.")
+@_FAULTS
 @click.pass_context
 def fly(
     context: click.Context,
@@ -194,6 +203,7 @@ def fly(
     mode: str | None,
     beams: str | None,
     send_beams: bool,
+    faults: tuple[str, ...],
 ) -> None:
     r"""Fly one mission: check, arm, take off, reach the goal, land.
 
@@ -211,6 +221,8 @@ def fly(
         )
     if scenario is not None and (beams is not None or send_beams):
         raise click.UsageError("--sim has beams of its own: --beams is for a real vehicle")
+    if scenario is None and faults:
+        raise click.UsageError("--fault is for --sim: a real vehicle's faults come by themselves")
     if not goals:
         goals = (_suggested_goal(scenario or (beams or "").partition(":")[2] or None, frame),)
     from autonomy import app
@@ -233,6 +245,7 @@ def fly(
             mode=mode,
             beams=beams,
             send_beams=send_beams,
+            faults=faults,
         )
     )
     context.exit(report.exit_code)
@@ -251,16 +264,35 @@ def _suggested_goal(scenario: str | None, frame: str) -> Goal:
 @click.argument("scenario", default="default")
 @click.option("--port", type=click.IntRange(1, 65535), default=14540, show_default=True)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
-def sim(*, scenario: str, port: int, seed: int) -> None:
+@click.option("--system-id", type=click.IntRange(1, 255), default=1, show_default=True)
+@click.option(
+    "--vehicles",
+    type=click.IntRange(1, 16),
+    default=1,
+    show_default=True,
+    help="How many, each alone in its world, on the next port and with the next system id.",
+)
+@_FAULTS
+def sim(
+    *, scenario: str, port: int, seed: int, system_id: int, vehicles: int, faults: tuple[str, ...]
+) -> None:
     """Run the mock PX4 and its world alone, for any MAVLink client on UDP port PORT.
 
     Fly it from another terminal: autonomy fly --goal 4,3 --connection udpin://0.0.0.0:14540
     """
-    from hal.sim.scenario import load_scenario
+    from hal.sim.scenario import load_scenario, with_faults
 
-    load_scenario(scenario)  # refused here, with a sentence
+    with_faults(load_scenario(scenario), faults)  # refused here, with a sentence
+    if port + vehicles > 65536 or system_id + vehicles > 256:
+        raise click.UsageError(
+            f"{vehicles} vehicles from port {port} and system id {system_id} on do not fit: "
+            "the last port is 65535, the last system id 255"
+        )
     command = [sys.executable, "-m", "hal.sim.mock_px4"]
     command += ["--scenario", scenario, "--port", str(port), "--seed", str(seed)]
+    command += ["--system-id", str(system_id), "--vehicles", str(vehicles)]
+    for fault in faults:
+        command += ["--fault", fault]
     sys.stdout.flush()
     os.execv(sys.executable, command)  # noqa: S606 - this process becomes the vehicle
 

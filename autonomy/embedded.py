@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from autonomy.errors import AutonomyError
@@ -27,10 +28,13 @@ def free_udp_port() -> int:
 class EmbeddedPx4:
     """A context: the mock PX4 runs inside it. `connection` is what a client opens."""
 
-    def __init__(self, scenario: str, seed: int) -> None:
-        """`scenario` is a shipped name or the path of a file."""
+    def __init__(self, scenario: str, seed: int, faults: Sequence[str] = ()) -> None:
+        """`scenario` is a shipped name or the path of a file, `faults` are more of what goes wrong
+        in it, each as `hal.sim.fault_kinds.parse_fault` reads it.
+        """
         self._scenario = scenario
         self._seed = seed
+        self._faults = tuple(faults)
         self._process: subprocess.Popen[str] | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="autonomy-sim-")
         self.truth_path = Path(self._folder.name) / "truth.jsonl"
@@ -51,6 +55,8 @@ class EmbeddedPx4:
         command = [sys.executable, "-m", "hal.sim.mock_px4"]
         command += ["--scenario", self._scenario, "--port", str(self.port)]
         command += ["--seed", str(self._seed), "--truth", str(self.truth_path)]
+        for fault in self._faults:
+            command += ["--fault", fault]
         # Its standard input ends with this process, also where nobody can tidy up (SIGKILL).
         command += ["--while-stdin"]
         # The child must not get the terminal's Ctrl-C: the vehicle flies on while we land it.

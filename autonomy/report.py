@@ -50,6 +50,8 @@ class FlyOptions(msgspec.Struct, frozen=True):
     beams: str | None = None
     """Instead of the configured range sensors: `virtual:SCENARIO`."""
     send_beams: bool = False
+    faults: tuple[str, ...] = ()
+    """What is to go wrong in the simulation, as `hal.sim.fault_kinds.parse_fault` reads it."""
 
 
 class FlightReport(msgspec.Struct, frozen=True):

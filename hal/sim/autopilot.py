@@ -235,7 +235,11 @@ class Autopilot:
     @property
     def uptime_s(self) -> float:
         """Seconds since it was started last: what its clock shows on the wire."""
-        return self._now_s - self._booted_s
+        return self.on_its_clock_s(self._now_s)
+
+    def on_its_clock_s(self, at_s: float) -> float:
+        """A time as the wire tells it, counted from the last start."""
+        return at_s - self._booted_s
 
     @property
     def silent(self) -> bool:

@@ -16,12 +16,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from pymavlink.dialects.v20 import development as mavlink
 
 from hal.config import BeamsConfig
 from hal.errors import HalError
+from hal.sim.link_faults import FaultyChannel
 from hal.sim.mock_px4_housekeeping import GimbalManager, event_message
 from hal.sim.mock_px4_plant import Plant, TruthWriter
 from hal.sim.mock_px4_protocol import (
@@ -34,9 +36,10 @@ from hal.sim.mock_px4_protocol import (
 from hal.sim.mock_px4_streams import BeamEncoder, Message, gps_raw
 from hal.sim.px4 import AutopilotText
 from hal.sim.px4_events import AutopilotEvent
-from hal.sim.scenario import Scenario, load_scenario
+from hal.sim.scenario import Scenario, load_scenario, with_faults
 
 Address = tuple[str, int]
+Datagram = tuple[bytes, Address]
 
 TICK_S = 0.01
 _SLIP_AFTER_S = 0.5  # a shorter stall is caught up: a real autopilot's clock does not lose it
@@ -44,6 +47,7 @@ _FORGET_PEER_S = 15.0
 _MOST_PEERS = 8
 _TEXT_LIFE_S = 5.0
 _DATAGRAM_BYTES = 2048
+_SECOND_COMPANION = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER2
 
 
 class Peer:
@@ -68,6 +72,12 @@ class Peer:
     def parse(self, data: bytes) -> list[Message]:
         """The messages in a datagram; what is not MAVLink is dropped."""
         return self.codec.parse_buffer(data) or []
+
+    def restart(self) -> None:
+        """The vehicle has started anew: it remembers nothing of this peer."""
+        self.conversation = Conversation()
+        self.texts.clear()
+        self.events.clear()
 
     def take_texts(self, now_s: float) -> list[Message]:
         """Texts that this peer may hear now; ones that waited too long are dropped."""
@@ -103,6 +113,12 @@ class MockPx4:
         self._peers = {onboard: Peer(onboard, system_id, permanent=True)}
         self._text_identity = 0
         self._gimbal = GimbalManager()
+        faults, when, rng = plant.scenario.faults, plant.fault_clock, plant.link_rng
+        self._up: FaultyChannel[Datagram] = FaultyChannel(faults, "up", rng, when)
+        self._down: FaultyChannel[Datagram] = FaultyChannel(faults, "down", rng, when)
+        self._uptime_s = 0.0
+        self._companion = mavlink.MAVLink(None, system_id, _SECOND_COMPANION)
+        self._companion_due_s = 0.0
 
     @property
     def address(self) -> Address:
@@ -139,8 +155,17 @@ class MockPx4:
         plant = self._plant
         plant.step(TICK_S)
         now_s = plant.autopilot.now_s
+        if plant.autopilot.uptime_s < self._uptime_s:
+            self._restart()
+        self._uptime_s = plant.autopilot.uptime_s
+        self._pass_on()
+        if plant.autopilot.silent:
+            return
         self._hand_out_texts()
         sampled = self._sampled()
+        if plant.faults.second_companion and now_s >= self._companion_due_s:
+            self._companion_due_s = now_s + 1.0
+            self._let_companion_speak()
         gimbal = self._gimbal.step(plant)
         for peer in list(self._peers.values()):
             if not peer.permanent and now_s - peer.heard_s > _FORGET_PEER_S:
@@ -157,6 +182,30 @@ class MockPx4:
                 if message is not None:
                     self._send(peer, message)
 
+    def _restart(self) -> None:
+        """A reboot: only the address it streams to is known, and nothing of what was agreed."""
+        self._peers = {a: peer for a, peer in self._peers.items() if peer.permanent}
+        for peer in self._peers.values():
+            peer.restart()
+
+    def _pass_on(self) -> None:
+        """Let arrive what link faults have held back until now."""
+        now_s = self._plant.autopilot.now_s
+        for data, address in self._up.take(now_s):
+            self._hear(data, address)
+        for data, address in self._down.take(now_s):
+            self._transmit(data, address)
+
+    def _let_companion_speak(self) -> None:
+        """Another computer's heartbeat, forwarded to everybody as from a second link."""
+        beat = mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3
+        )
+        data = bytes(beat.pack(self._companion))
+        self._companion.seq = (self._companion.seq + 1) % 256
+        for peer in self._peers.values():
+            self._transmit(data, peer.address)
+
     def receive(self) -> None:
         """Answer everything that has arrived."""
         while True:
@@ -166,14 +215,21 @@ class MockPx4:
                 return
             except ConnectionError:
                 continue  # nobody listens where we stream to: PX4 does not mind either
-            peer = self._peer(address)
-            if peer is None:
-                continue
-            peer.heard_s = self._plant.autopilot.now_s
-            for message in peer.parse(data):
-                for answer in self._protocol.handle(message, peer.conversation):
-                    self._send(peer, answer)
-            self._hand_out_texts()
+            if self._up.sound:
+                self._hear(data, address)
+            else:
+                self._up.put(self._plant.autopilot.now_s, (data, address))
+                self._pass_on()
+
+    def _hear(self, data: bytes, address: Address) -> None:
+        peer = self._peer(address)
+        if peer is None or self._plant.autopilot.silent:
+            return
+        peer.heard_s = self._plant.autopilot.now_s
+        for message in peer.parse(data):
+            for answer in self._protocol.handle(message, peer.conversation):
+                self._send(peer, answer)
+        self._hand_out_texts()
 
     def _peer(self, address: Address) -> Peer | None:
         peer = self._peers.get(address)
@@ -205,9 +261,19 @@ class MockPx4:
                 peer.events.append(event)
 
     def _send(self, peer: Peer, message: Message) -> None:
+        data = peer.pack(message)
+        if self._down.sound:
+            self._transmit(data, peer.address)
+            return
+        now_s = self._plant.autopilot.now_s
+        self._down.put(now_s, (data, peer.address))
+        for due, address in self._down.take(now_s):
+            self._transmit(due, address)
+
+    def _transmit(self, data: bytes, address: Address) -> None:
         # A full buffer or an address that is gone loses the datagram, as on any radio link.
         with contextlib.suppress(BlockingIOError, ConnectionError):
-            self._socket.sendto(peer.pack(message), peer.address)
+            self._socket.sendto(data, address)
 
 
 def run_mock_px4(
@@ -226,10 +292,12 @@ def run_mock_px4(
 ) -> None:
     """Serve until `stop` is set (for ever without one).
 
-    `ready` is called with the mock's own address once it is up, everything compiled. `truth_out`
-    gets the true state as JSON lines at 20 Hz (`mock_px4_plant.TruthRecord`).
+    Raises DocumentError for a fault of a beam that the vehicle does not have. `ready` is called
+    with the mock's own address once it is up, everything compiled. `truth_out` gets the true state
+    as JSON lines at 20 Hz (`mock_px4_plant.TruthRecord`).
     """
     plant = Plant(scenario, beams or BeamsConfig(), seed, boot_s=boot_s)
+    plant.autopilot.set_parameter("MAV_SYS_ID", system_id)
     plant.step(TICK_S)
     server = MockPx4(plant, port=port, system_id=system_id, refused=refused)
     with contextlib.ExitStack() as stack:
@@ -248,6 +316,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--scenario", default="default", help="a shipped name or a YAML file")
     parser.add_argument("--port", type=int, default=14540, help="the UDP port it streams to")
     parser.add_argument("--system-id", type=int, default=1)
+    parser.add_argument(
+        "--vehicles", type=int, default=1, help="this many, each on the next port and system id"
+    )
+    parser.add_argument(
+        "--fault", action="append", default=[], metavar="KIND[@WHEN[/SECONDS]][:KEY=VALUE,...]"
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--speed", type=float, default=1.0, help="times real time")
     parser.add_argument("--boot-s", type=float, default=0.0, help="until it can be armed")
@@ -271,6 +345,30 @@ def _end_with_stdin(stop: threading.Event) -> None:
     threading.Thread(target=wait, name="stdin", daemon=True).start()
 
 
+def _run_one(
+    options: argparse.Namespace, scenario: Scenario, number: int, stop: threading.Event
+) -> None:
+    """Serve vehicle `number` of a process; its truth goes into a file of its own."""
+    port, truth = options.port + number, options.truth
+
+    def ready(address: Address) -> None:
+        print(f"ready udp://127.0.0.1:{port} from {address[0]}:{address[1]}", flush=True)
+
+    run_mock_px4(
+        scenario,
+        port=port,
+        system_id=options.system_id + number,
+        seed=options.seed + number,
+        speed=options.speed,
+        boot_s=options.boot_s,
+        refused=options.refuse,
+        beams=BeamsConfig(mounts=()) if options.no_beams else None,
+        truth_out=truth.with_stem(f"{truth.stem}-{number + 1}") if truth and number else truth,
+        ready=ready,
+        stop=stop,
+    )
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run as a process: prints `ready ...` when up, ends on SIGTERM or SIGINT."""
     options = _parser().parse_args(arguments)
@@ -281,24 +379,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.while_stdin:
         _end_with_stdin(stop)
 
-    def ready(address: Address) -> None:
-        target = f"udp://127.0.0.1:{options.port}"
-        print(f"ready {target} from {address[0]}:{address[1]}", flush=True)
-
     try:
-        run_mock_px4(
-            load_scenario(options.scenario),
-            port=options.port,
-            system_id=options.system_id,
-            seed=options.seed,
-            speed=options.speed,
-            boot_s=options.boot_s,
-            refused=options.refuse,
-            beams=BeamsConfig(mounts=()) if options.no_beams else None,
-            truth_out=options.truth,
-            ready=ready,
-            stop=stop,
-        )
+        scenario = with_faults(load_scenario(options.scenario), options.fault)
+        with ThreadPoolExecutor(options.vehicles) as pool:
+            flown = [
+                pool.submit(_run_one, options, scenario, number, stop)
+                for number in range(options.vehicles)
+            ]
+            for each in as_completed(flown):
+                stop.set()  # the others end with the first that ends
+                each.result()
     except (HalError, OSError) as error:
         print(error, file=sys.stderr)
         return 2

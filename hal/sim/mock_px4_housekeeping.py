@@ -45,11 +45,11 @@ _METADATA_URI = b"mftp://etc/extras/component_general.json.xz"
 
 
 def _ms(plant: Plant) -> int:
-    return round(plant.autopilot.now_s * 1e3) & 0xFFFFFFFF
+    return round(plant.autopilot.uptime_s * 1e3) & 0xFFFFFFFF
 
 
 def _us(plant: Plant) -> int:
-    return round(plant.autopilot.now_s * 1e6)
+    return round(plant.autopilot.uptime_s * 1e6)
 
 
 def event_message(event: AutopilotEvent) -> ExtraMessage:

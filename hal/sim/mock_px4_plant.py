@@ -30,8 +30,8 @@ class Plant:
     def __init__(
         self, scenario: Scenario, beams: BeamsConfig, seed: int, *, boot_s: float = 0.0
     ) -> None:
-        flight, estimate, ranging, gnss, faults, fixes = (
-            np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(6)
+        flight, estimate, ranging, gnss, faults, fixes, self.link_rng = (
+            np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(7)
         )
         self.scenario = scenario
         self.beams_config = beams

@@ -328,7 +328,7 @@ class Protocol:
     def _timesync(self, message: Message, _conversation: Conversation) -> list[Message]:
         if message.tc1 != 0:
             return []
-        boot_ns = round(self._plant.autopilot.now_s * 1e9)
+        boot_ns = round(self._plant.autopilot.uptime_s * 1e9)
         return [mavlink.MAVLink_timesync_message(boot_ns, message.ts1)]
 
     def _distance(self, message: Message, _conversation: Conversation) -> list[Message]:

@@ -52,12 +52,12 @@ class Stream(NamedTuple):
 
 def boot_ms(plant: Plant) -> int:
     """time_boot_ms."""
-    return round(plant.autopilot.now_s * 1e3) & 0xFFFFFFFF
+    return round(plant.autopilot.uptime_s * 1e3) & 0xFFFFFFFF
 
 
 def boot_us(plant: Plant) -> int:
     """time_usec since boot."""
-    return round(plant.autopilot.now_s * 1e6)
+    return round(plant.autopilot.uptime_s * 1e6)
 
 
 def heartbeat(plant: Plant) -> Message:
@@ -220,7 +220,7 @@ def gps_raw(plant: Plant, fix: GnssFix) -> Message:
     """GPS_RAW_INT of one solution, stamped with the time it was measured at."""
     velocity = plant.autopilot.quadrotor.velocity_ned_m_s
     return mavlink.MAVLink_gps_raw_int_message(
-        time_usec=round(fix.stamp_s * 1e6),
+        time_usec=max(round(plant.autopilot.on_its_clock_s(fix.stamp_s) * 1e6), 0),
         fix_type=_FIX_TYPES[fix.fix_type],
         lat=round(fix.latitude_deg * 1e7),
         lon=round(fix.longitude_deg * 1e7),
@@ -323,12 +323,12 @@ def system_time(plant: Plant) -> Message:
 
 def timesync(plant: Plant) -> Message:
     """TIMESYNC as PX4 asks it."""
-    return mavlink.MAVLink_timesync_message(0, round(plant.autopilot.now_s * 1e9))
+    return mavlink.MAVLink_timesync_message(0, round(plant.autopilot.uptime_s * 1e9))
 
 
 def ping(plant: Plant) -> Message:
     """PING as PX4 asks it."""
-    return mavlink.MAVLink_ping_message(boot_us(plant), int(plant.autopilot.now_s), 0, 0)
+    return mavlink.MAVLink_ping_message(boot_us(plant), int(plant.autopilot.uptime_s), 0, 0)
 
 
 def autopilot_version(_plant: Plant) -> Message:

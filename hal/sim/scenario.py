@@ -7,6 +7,7 @@ down = 0 and all heights are above the floor. configs/scenarios/README.md explai
 import importlib.resources
 import math
 from collections import Counter
+from collections.abc import Iterable
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
@@ -24,7 +25,7 @@ from hal.config import (
 )
 from hal.errors import DocumentError
 from hal.frames import Vector3
-from hal.sim.fault_kinds import Fault
+from hal.sim.fault_kinds import Fault, parse_fault
 
 BODY_HALF_HEIGHT_M = 0.08
 """From the centre of a small quadrotor to its skids, or to the top of its canopy."""
@@ -307,3 +308,12 @@ def load_scenario(name_or_path: str) -> Scenario:
         f"there is no scenario {name_or_path!r}: use one of {', '.join(names)}, "
         "or the path of a YAML file"
     )
+
+
+def with_faults(scenario: Scenario, lines: Iterable[str]) -> Scenario:
+    """The scenario with more faults, each one line as `fault_kinds.parse_fault` reads it.
+
+    Raises DocumentError for a line that is no fault.
+    """
+    more = tuple(parse_fault(line) for line in lines)
+    return scenario.model_copy(update={"faults": (*scenario.faults, *more)})
