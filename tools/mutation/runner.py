@@ -50,21 +50,13 @@ class Worker:
     """One process with a tree, in which it tests one mutant after the other."""
 
     def __init__(self, target: Target, root: Path, place: Path) -> None:
-        self._target = target
-        self._tree = Tree(root, place)
-        self._module = place / target.module
-        self._original = self._module.read_text()
-        self._tree.try_unmutated(target.tests)
+        self._tree = Tree(root, place, target.module, target.tests)
 
     def verdict_on(self, mutant: Mutant) -> Verdict:
-        """Mutate, test and restore."""
-        made = mutated(self._original, mutant)
-        self._module.write_text(made.source)
-        try:
-            survived = self._tree.passes(self._target.tests)
-        finally:
-            self._module.write_text(self._original)
-        return Verdict(f"{mutant.module}:{mutant.line}", made.change, not survived)
+        """Mutate and test."""
+        made = mutated(self._tree.original, mutant)
+        killed = not self._tree.passes(made.source)
+        return Verdict(f"{mutant.module}:{mutant.line}", made.change, killed)
 
 
 _worker: list[Worker] = []

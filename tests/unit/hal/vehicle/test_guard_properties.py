@@ -174,3 +174,11 @@ def test_no_component_leads_towards_a_near_beam(situation: tuple[Setpoint, Sight
         ):
             bearing = seen.yaw_rad + math.radians(entry.mount.yaw_deg)
             assert n * math.cos(bearing) + e * math.sin(bearing) <= 1e-8
+
+
+@given(st.floats(0.0, 5.0), st.floats(0.0, 2.0), st.floats(0.05, 10.0))
+def test_stopping_speed_is_the_inverse_of_stopping_distance(
+    distance_m: float, reaction_s: float, braking: float
+) -> None:
+    speed = g.stopping_speed_m_s(distance_m, reaction_s, braking)
+    assert g.stopping_distance_m(speed, reaction_s, braking) == pytest.approx(distance_m, abs=1e-9)

@@ -251,27 +251,6 @@ def test_a_retreat_keeps_the_leash() -> None:
     assert math.hypot(*verdict.setpoint.position_ned_m[:2], 0.1) == pytest.approx(0.6)
 
 
-@pytest.mark.parametrize("error_m", [0.03, -0.03])
-@pytest.mark.parametrize("start_m", [0.6, 0.2, 0.1, 0.02])
-@pytest.mark.parametrize("above", [True, False])
-def test_a_wandering_estimate_does_not_ratchet_the_vehicle_into_a_surface(
-    start_m: float, error_m: float, *, above: bool
-) -> None:
-    """A goal behind the surface; the true gap ends at the limit, whatever the estimate does."""
-    guard, sign = Guard(CONFIG), 1.0 if above else -1.0
-    gap_m = start_m
-    for tick in range(600):
-        wandered_m = error_m * math.sin(tick / 40.0) + error_m * (-1.0) ** tick / 3.0
-        height_m = 1.0 + sign * (0.6 - gap_m) + wandered_m
-        here: Vector3 = (0.0, 0.0, -height_m)
-        seen = sight(here, beams=(beam("up" if above else "down", gap_m),))
-        verdict = guard.check(setpoint((0.0, 0.0, -(1.0 + sign * 0.5))), seen)
-        before_m = gap_m
-        gap_m -= sign * climb(verdict, seen) * 0.05
-        assert gap_m >= min(before_m, CONFIG.beam_stop_m) - 1e-9
-    assert gap_m == pytest.approx(CONFIG.beam_stop_m, abs=0.005)
-
-
 def test_a_vertical_beam_mounted_off_centre_counts_from_the_centre() -> None:
     mount = BeamMount(name="up", pitch_deg=90.0, down_m=-0.05)
     seen = sight(beams=(beam("up", 0.2, mount=mount),))
