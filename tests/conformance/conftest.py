@@ -16,10 +16,11 @@ CAPABILITIES = {
     "parameters": "parameters are changed, and put back",
     "kill": "motors are cut in the air: it falls from 2.4 m",
     "simulated": "its simulator can take the GNSS away",
+    "reference": "the values of one version, one airframe: SITL of PX4 main, and the mock",
     "termination": "flight termination: SIH needs a new process after it",
     "mock": "time and faults are this process's to give",
 }
-_SIMULATED = ("arm", "flight", "parameters", "kill", "simulated")
+_SIMULATED = ("arm", "flight", "parameters", "kill", "simulated", "reference")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

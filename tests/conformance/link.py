@@ -12,14 +12,14 @@ import struct
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import serial
 from pymavlink.dialects.v20 import development as mavlink
 
 from hal.config import BeamsConfig
 from hal.sim.mock_px4 import MockPx4
-from hal.sim.mock_px4_messages import unpack
+from hal.sim.mock_px4_messages import LAYOUTS, unpack
 from hal.sim.mock_px4_plant import Plant
 from hal.sim.scenario import Scenario
 
@@ -30,8 +30,8 @@ _HEADER_BYTES, _CHECKSUM_BYTES, _SIGNATURE_BYTES = 10, 2, 13
 _SIGNED = 1
 _STAMPED = frozenset((30, 31, 32, 33))
 """Messages whose first field is time_boot_ms, sent often."""
-_BULK = frozenset((29, 30, 31, 33, 36, 74, 83, 85, 87, 105, 141, 230, 241, 290, 291, 331, 441, 514))
-"""Messages that no test reads one by one: counted, the last one kept, not decoded."""
+_BULK = frozenset((*range(29, 37), 74, 83, 85, 87, 105, 141, 230, 241, 290, 291, 331, 441, 514))
+"""Messages that no test reads one by one: counted, and the last one remembered."""
 
 STATION = (245, 190)
 COMPANION = (1, 158)
@@ -40,11 +40,37 @@ _HEARTBEAT_S = 1.0
 _WAIT_S, _SILENCE_S = 0.01, 30.0
 
 
-class Heard(NamedTuple):
-    """One message of the vehicle, and the vehicle's time when it came."""
+class Heard:
+    """One message of the vehicle, and the vehicle's time when it came; decoded when looked at."""
 
-    at_s: float
-    message: Message
+    __slots__ = ("_decode", "_message", "at_s", "frame", "message_id")
+
+    def __init__(self, at_s: float, frame: bytes, decode: Callable[[bytes], Message]) -> None:
+        self.at_s = at_s
+        self.frame = frame
+        self.message_id = _message_id(frame)
+        self._decode = decode
+        self._message: Message = None
+
+    @property
+    def message(self) -> Message:
+        """As pymavlink, or as `hal.sim.mock_px4_messages.ExtraMessage`."""
+        if self._message is None:
+            self._message = self._decode(self.frame)
+        return self._message
+
+
+_NAMES = {number: kind.msgname for number, kind in mavlink.mavlink_map.items()}
+_NAMES |= {number: layout.name for number, layout in LAYOUTS.items()}
+
+
+def _message_id(frame: bytes) -> int:
+    return int.from_bytes(frame[7:10], "little")
+
+
+def message_name(message_id: int) -> str:
+    """A message's name."""
+    return str(_NAMES.get(message_id, f"UNKNOWN_{message_id}"))
 
 
 class Frames:
@@ -157,6 +183,8 @@ class Link(ABC):
 
     def until(self, condition: Callable[[], object], limit_s: float, what: str) -> None:
         """Let time pass until `condition` holds; AssertionError after `limit_s`."""
+        while self.now_s == 0.0:  # a vehicle that has been up for a while has a clock to tell first
+            self.step()
         end_s = self.now_s + limit_s
         while not condition():
             assert self.now_s < end_s, f"{what}: not within {limit_s} s"
@@ -169,10 +197,16 @@ class Link(ABC):
 
     def since(self, at_s: float, kind: str) -> list[Heard]:
         """Messages of a kind heard at or after `at_s`, oldest first."""
-        return [h for h in self.heard if h.at_s >= at_s and h.message.get_type() == kind]
+        found = []
+        for heard in reversed(self.heard):
+            if heard.at_s < at_s:
+                break
+            if message_name(heard.message_id) == kind:
+                found.append(heard)
+        return found[::-1]
 
     def _take(self, frame: bytes) -> None:
-        message_id = int.from_bytes(frame[7:10], "little")
+        message_id = _message_id(frame)
         if frame[5] == 0 or frame[5] == STATION[0]:
             return
         self.counts[message_id] += 1
@@ -181,18 +215,16 @@ class Link(ABC):
             (boot_ms,) = struct.unpack("<I", frame[10:14])
             self.now_s = max(self.now_s, boot_ms * 1e-3)
         if message_id not in _BULK:
-            message = self._decode(frame)
-            if message is not None:
-                self.heard.append(Heard(self.now_s, message))
+            self.heard.append(Heard(self.now_s, frame, self._decode))
 
-    def _decode(self, frame: bytes) -> Message | None:
+    def _decode(self, frame: bytes) -> Message:
         extra = unpack(frame)
         if extra is not None:
             return extra
         try:
             return self._codecs[STATION].decode(bytearray(frame))
         except mavlink.MAVError:
-            return None
+            return mavlink.MAVLink_bad_data(bytearray(frame), "damaged")
 
 
 class MockLink(Link):
@@ -207,7 +239,7 @@ class MockLink(Link):
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.setblocking(False)
-        self.plant = Plant(scenario, BeamsConfig(), seed, boot_s=boot_s)
+        self.plant = Plant(scenario, BeamsConfig(mounts=()), seed, boot_s=boot_s)
         self.server = MockPx4(self.plant, port=self._socket.getsockname()[1])
 
     def write(self, data: bytes) -> None:

@@ -3,6 +3,7 @@
 import pytest
 
 from tests.conformance.conftest import Needs, note
+from tests.conformance.link import MockLink
 from tests.conformance.transcript import Sequence, compare, sequences
 from tests.conformance.vehicle import Vehicle
 
@@ -12,6 +13,8 @@ def test_a_sequence_goes_as_measured(
     vehicle: Vehicle, needs: Needs, sequence: Sequence, request: pytest.FixtureRequest
 ) -> None:
     needs(*sequence.needs)
+    if isinstance(vehicle.link, MockLink):
+        vehicle.thin()
     seen = vehicle.play(sequence)
     rows = compare(sequence.seen, seen)
     note(request, rows)
