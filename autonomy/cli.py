@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from autonomy.config import Config
 
 Goal = tuple[float, float, float | None]
+Setting = tuple[str, float]
 
 _HAL_EXIT_CODES: dict[type[HalError], ExitCode] = {
     ConnectionFailed: ExitCode.NO_VEHICLE,
@@ -115,6 +116,29 @@ class GoalType(click.ParamType[Goal]):
         if not all(math.isfinite(number) for number in numbers):
             self.fail(f"{value!r} has a coordinate that is not a finite number", param, ctx)
         return (numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else None)
+
+
+class SettingType(click.ParamType[Setting]):
+    """`NAME=VALUE` of a parameter of the autopilot."""
+
+    name = "NAME=VALUE"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Setting:
+        """Name and number."""
+        if isinstance(value, tuple):
+            return value
+        name, equals, number = str(value).partition("=")
+        try:
+            parsed = float(number)
+        except ValueError:
+            parsed = math.nan
+        if not name or not equals or not math.isfinite(parsed):
+            self.fail(
+                f"{value!r} is not a setting; write NAME=VALUE, as COM_OF_LOSS_T=1", param, ctx
+            )
+        return name, parsed
 
 
 def _positive(_: click.Context, __: click.Parameter, value: float | None) -> float | None:
@@ -365,6 +389,18 @@ def schema() -> None:
 @click.option("--connection", metavar="URL", help="Also look at the vehicle there.")
 @click.option("--log-dir", metavar="DIR", help="Where flight logs go.")
 @click.option("--live", is_flag=True, help="Show every range beam as a bar, until Ctrl-C.")
+@click.option("--beams", metavar="virtual:SCENARIO", help="As with fly: virtual range beams.")
+@click.option("--fix", is_flag=True, help="Set the vehicle's parameters as recommended.")
+@click.option(
+    "--set",
+    "settings",
+    metavar="NAME=VALUE",
+    multiple=True,
+    type=SettingType(),
+    help="Set a parameter that is checked, as to undo what --fix did.",
+)
+@click.option("--yes", is_flag=True, help="Set parameters without asking.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output.")
 @click.pass_context
 def check(
     context: click.Context,
@@ -373,22 +409,40 @@ def check(
     connection: str | None,
     log_dir: str | None,
     live: bool,
+    beams: str | None,
+    fix: bool,
+    settings: tuple[Setting, ...],
+    yes: bool,
+    as_json: bool,
 ) -> None:
-    """Say what is wrong before flying: one sentence a finding, 0 when there is none."""
+    """Say what is wrong before flying: one sentence a finding, 0 when nothing has to be mended.
+
+    With --connection also why the vehicle would not arm, its parameters against what this service
+    needs, and the rate, age and noise of every sensor.
+    """
+    if (fix or settings) and connection is None:
+        raise click.UsageError("say on which vehicle parameters are set: --connection URL")
+    if fix and settings:
+        raise click.UsageError("--fix and --set exclude each other")
     effective = _config(config_path)
+    if beams is not None:
+        from autonomy.virtual_world import with_virtual_beams
+
+        effective = with_virtual_beams(effective, beams)
     if live:
         _show_beams(effective, connection)
         return
-    from autonomy import doctor
+    from autonomy import check_command
 
-    findings = doctor.check_machine(effective, Path(log_dir or effective.log.directory))
-    if connection is not None:
-        findings = (*findings, *doctor.check_vehicle(effective, connection))
-    for finding in findings:
-        click.echo(str(finding))
-    bad = sum(not finding.good for finding in findings)
-    click.echo(f"{bad} to mend" if bad else "ready")
-    context.exit(int(ExitCode.PREFLIGHT_REFUSED if bad else ExitCode.GOAL_REACHED))
+    asked = check_command.Asked(
+        connection=connection,
+        log_directory=Path(log_dir or effective.log.directory),
+        fix=fix,
+        settings=settings,
+        yes=yes,
+        as_json=as_json,
+    )
+    context.exit(int(check_command.run(effective, asked)))
 
 
 def _show_beams(effective: "Config", connection: str | None) -> None:

@@ -1,6 +1,5 @@
-"""What is wrong before flying, a sentence a finding: this machine, the vehicle on the link."""
+"""What is wrong with this machine before flying, a sentence a finding."""
 
-import asyncio
 import importlib.metadata
 import os
 import platform
@@ -9,38 +8,16 @@ import shutil
 import sys
 import tempfile
 import time
-from collections import Counter
 from pathlib import Path
 
-import msgspec
-
 from autonomy.config import Config
-from autonomy.mission.preflight import parameter_findings
+from autonomy.finding import Finding
 from autonomy.warm import warm_up
-from hal.clock import MonotonicClock
-from hal.errors import HalError
-from hal.interfaces import RangeSensor, Vehicle
-from hal.readings import RangeReading, RangeStatus
-
-LOOK_S = 3.0
-"""How long sensors are watched."""
 
 _OLDEST_PYTHON = (3, 11)
 _ROOM_BYTES = 200_000_000
 """What an hour of flight log needs, generously."""
 _SLOW_WARM_UP_S = 5.0
-_HALF_RATE = 0.5
-
-
-class Finding(msgspec.Struct, frozen=True):
-    """One thing that was looked at."""
-
-    good: bool
-    sentence: str
-
-    def __str__(self) -> str:
-        """A line for a terminal."""
-        return f"{'ok  ' if self.good else 'BAD '} {self.sentence}"
 
 
 # ---------------------------------------------------------------- this machine
@@ -125,81 +102,3 @@ def check_disk(directory: Path) -> Finding:
             sentence=f"{directory}: only {free / 1e6:.0f} MB are free; make room for flight logs",
         )
     return Finding(good=True, sentence=f"{directory}: {free / 1e9:.1f} GB free for flight logs")
-
-
-# ---------------------------------------------------------------- the vehicle
-
-
-def check_vehicle(config: Config, connection: str) -> tuple[Finding, ...]:
-    """Link, autopilot, parameters, position, battery and the rate of every beam.
-
-    Nothing is commanded. An error of the link is a finding, not an exception.
-    """
-    from hal import registry
-
-    clock = MonotonicClock()
-    vehicle_config = config.vehicle.model_copy(update={"connection": connection})
-    vehicle = registry.vehicle(vehicle_config, config.beams, clock)
-    sensors = registry.range_sensors(config.beams, vehicle, clock)
-    return asyncio.run(_look(config, connection, vehicle, tuple(sensors)))
-
-
-async def _look(
-    config: Config, connection: str, vehicle: Vehicle, sensors: tuple[RangeSensor, ...]
-) -> tuple[Finding, ...]:
-    deadline_s = config.vehicle.connect_timeout_s
-    readings: list[RangeReading] = []
-    try:
-        facts = await vehicle.open(deadline_s)
-        for sensor in sensors:
-            await sensor.open(deadline_s)
-            sensor.take()
-        ends_s = time.monotonic() + LOOK_S
-        while time.monotonic() < ends_s:
-            await asyncio.sleep(0.05)
-            readings.extend(reading for sensor in sensors for reading in sensor.take())
-        status, position = vehicle.status(), vehicle.local_position()
-    except HalError as error:
-        return (Finding(good=False, sentence=f"{connection}: {error}"),)
-    finally:
-        for sensor in sensors:
-            await sensor.close()
-        await vehicle.close()
-    who = f"{facts.autopilot} {facts.version}, system {facts.system_id}, on {connection}"
-    findings = [Finding(good=True, sentence=who)]
-    findings += [
-        Finding(good=False, sentence=text) for text in parameter_findings(facts.parameters)
-    ]
-    findings.append(
-        Finding(good=True, sentence="it is ready to arm")
-        if status.armable
-        else Finding(good=False, sentence=f"it is not ready to arm: {status.not_armable_because}")
-    )
-    if position is None:
-        findings.append(Finding(good=False, sentence="it has no local position estimate"))
-    return (*findings, *check_beams(config, readings, LOOK_S))
-
-
-def check_beams(
-    config: Config, readings: list[RangeReading], seconds: float
-) -> tuple[Finding, ...]:
-    """One finding a configured beam, from what was read of all of them in `seconds`."""
-    counts = Counter(reading.beam for reading in readings)
-    heard = {reading.beam for reading in readings if reading.status is not RangeStatus.NO_SIGNAL}
-    findings = []
-    for mount in config.beams.mounts:
-        rate_hz = counts[mount.name] / seconds
-        if mount.name not in heard:
-            what = "sends nothing" if not counts[mount.name] else "measures nothing"
-            text = f"beam {mount.name} {what}; check the sensor, its wiring and beams.mounts"
-            findings.append(Finding(good=False, sentence=text))
-        elif rate_hz < _HALF_RATE * config.control.rate_hz:
-            text = (
-                f"beam {mount.name} comes at {rate_hz:.1f} Hz only; the loop runs at "
-                f"{config.control.rate_hz:g} Hz: raise the sensor's rate"
-            )
-            findings.append(Finding(good=False, sentence=text))
-        else:
-            text = f"beam {mount.name}: {rate_hz:.1f} Hz"
-            findings.append(Finding(good=True, sentence=text))
-    return tuple(findings)

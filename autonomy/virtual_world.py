@@ -36,6 +36,12 @@ def typed_driver(options: FlyOptions, configured: VirtualDriver | None) -> Virtu
     return driver
 
 
+def with_virtual_beams(config: Config, beams: str) -> Config:
+    """The configuration with the beams of `--beams`; raises BadInput or DocumentError."""
+    driver = typed_driver(FlyOptions(goals=(), beams=beams), None)
+    return config if driver is None else with_virtual_world(config, driver)[0]
+
+
 def with_virtual_world(config: Config, driver: VirtualDriver) -> tuple[Config, Scenario]:
     """The configuration for flying in the scenario of `driver`, and that scenario.
 

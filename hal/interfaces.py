@@ -5,7 +5,7 @@ reading them never blocks and never fails. Every coroutine ends within its deadl
 cancelled at any await: cancelling never changes what the vehicle does by itself.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol, runtime_checkable
 
 import msgspec
@@ -28,6 +28,7 @@ __all__ = [
     "GnssReceiver",
     "MessageSink",
     "MessageSource",
+    "ParameterStore",
     "RangeSensor",
     "SeenSpace",
     "Vehicle",
@@ -159,6 +160,27 @@ class MessageSink(Protocol):
 
         `fields_json` holds the fields under MAVLink's names and units. From any thread; returns at
         once.
+        """
+        ...
+
+
+class ParameterStore(Protocol):
+    """The autopilot's parameters, and its report of what stands against arming."""
+
+    async def read_parameters(
+        self, kinds: Mapping[str, type[int] | type[float]]
+    ) -> dict[str, float]:
+        """Those of `kinds` that the vehicle knows. Cancelling stops after the one under way."""
+        ...
+
+    async def write_parameter(self, name: str, value: int | float) -> float | None:
+        """Set a parameter and read it back; None when the vehicle did not take or tell it."""
+        ...
+
+    async def report_health(self) -> bool:
+        """Ask to be told anew what stands against arming; False when the vehicle did not answer.
+
+        The answer comes as status texts and EVENTs.
         """
         ...
 

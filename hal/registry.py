@@ -16,7 +16,15 @@ from hal.config import (
 from hal.errors import ReadingRefused
 from hal.gnss.autopilot_gnss import AutopilotGnss
 from hal.gnss.serial_receiver import SerialReceiver
-from hal.interfaces import Clock, GnssReceiver, MessageSink, MessageSource, RangeSensor, Vehicle
+from hal.interfaces import (
+    Clock,
+    GnssReceiver,
+    MessageSink,
+    MessageSource,
+    ParameterStore,
+    RangeSensor,
+    Vehicle,
+)
 from hal.ranging.distance_sensor import MavlinkDistanceSensor
 from hal.ranging.i2c_range_sensor import I2cRangeSensor
 from hal.ranging.told_beams import BeamTeller
@@ -26,7 +34,7 @@ Sensors = tuple[RangeSensor, ...]
 Gnss = GnssReceiver | None
 
 
-class LinkedVehicle(Vehicle, MessageSource, MessageSink, Protocol):
+class LinkedVehicle(Vehicle, MessageSource, MessageSink, ParameterStore, Protocol):
     """A vehicle behind a link that drivers can listen to and the deadman can stop."""
 
     def hold_now(self) -> bool:

@@ -382,6 +382,14 @@ class Autopilot:
         )
         return Result.ACCEPTED
 
+    def report_health(self) -> Result:
+        """MAV_CMD_RUN_PREARM_CHECKS: say anew what stands against arming."""
+        self._said_reason = ""
+        reason = self.not_armable_because
+        if reason and not self._armed:
+            self._say_why_not(reason)
+        return Result.ACCEPTED
+
     def disarm(self, *, force: bool = False) -> Result:
         """MAV_CMD_COMPONENT_ARM_DISARM with 0; `force` cuts the motors in the air as well."""
         if not self._armed:

@@ -105,7 +105,7 @@ class Protocol:
             mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: self._set_mission_current,
             mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: lambda _: Result.DENIED,
             mavlink.MAV_CMD_PREFLIGHT_STORAGE: lambda _: Result.ACCEPTED,
-            mavlink.MAV_CMD_RUN_PREARM_CHECKS: lambda _: Result.ACCEPTED,
+            mavlink.MAV_CMD_RUN_PREARM_CHECKS: lambda _: pilot.report_health(),
             mavlink.MAV_CMD_DO_CHANGE_SPEED: lambda _: Result.ACCEPTED,
             mavlink.MAV_CMD_DO_SET_HOME: lambda _: Result.ACCEPTED,
             mavlink.MAV_CMD_DO_FLIGHTTERMINATION: self._terminate,

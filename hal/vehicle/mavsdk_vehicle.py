@@ -16,7 +16,7 @@ import os
 import socket
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -31,7 +31,7 @@ from mavsdk.logging import LogLevel, log_subscribe
 from mavsdk.mavsdk import Configuration, Mavsdk
 from mavsdk.plugins.action import Action, ActionResult
 from mavsdk.plugins.info import Info, InfoError
-from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
+from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectResult, MavlinkMessage
 from mavsdk.plugins.offboard import (
     Offboard,
     OffboardResult,
@@ -103,6 +103,7 @@ second). HEARTBEAT, which tells the mode as well, stays at 1 Hz: PX4 refuses ano
 
 _AUTOPILOT_COMPONENT = 1  # MAV_COMP_ID_AUTOPILOT1
 _SET_MESSAGE_INTERVAL = 511
+_RUN_PREARM_CHECKS = 401
 _TEXTS_KEPT = 128
 _VALID_FOR_S = 0.3  # LOCAL_POSITION_NED comes at 30 Hz while the estimate is valid
 _ODOMETRY_GONE_S = 0.5
@@ -272,7 +273,8 @@ class MavsdkVehicle:
             await asyncio.sleep(_POLL_S)
         version = await loop.run_in_executor(worker, self._read_version, link)
         for name in PREFLIGHT_PARAMETERS:
-            await loop.run_in_executor(worker, _read_parameter, link, name)
+            kind = PREFLIGHT_PARAMETERS[name]
+            await loop.run_in_executor(worker, _read_parameter, link, name, kind)
         return VehicleFacts(
             autopilot="PX4",
             version=version,
@@ -640,21 +642,71 @@ class MavsdkVehicle:
     def _ask_for_rates(self) -> None:
         """Request the message rates this adapter needs; nobody waits for the answers."""
         for message_id, interval_us in MESSAGE_INTERVALS_US.items():
-            fields = {
-                "target_system": self._system_id,
-                "target_component": _AUTOPILOT_COMPONENT,
-                "command": _SET_MESSAGE_INTERVAL,
-                "confirmation": 0,
-                "param1": message_id,
-                "param2": interval_us,
-                **{f"param{n}": 0 for n in range(3, 8)},
-            }
-            message = MavlinkMessage(
-                "COMMAND_LONG", 0, 0, self._system_id, _AUTOPILOT_COMPONENT, json.dumps(fields)
-            )
-            with self._door:
-                if self._link is not None:
-                    self._link.direct.send_command_async(message, self._awaited(lambda *_: None))
+            self._command(_SET_MESSAGE_INTERVAL, (message_id, interval_us), lambda *_: None)
+
+    def _command(
+        self, command: int, parameters: tuple[float, ...], answered: Callable[..., None]
+    ) -> bool:
+        """Send a command that no plugin of the library knows; False when the link is closed."""
+        values = parameters + (0,) * (7 - len(parameters))
+        fields = {
+            "target_system": self._system_id,
+            "target_component": _AUTOPILOT_COMPONENT,
+            "command": command,
+            "confirmation": 0,
+            **{f"param{n}": value for n, value in enumerate(values, start=1)},
+        }
+        message = MavlinkMessage(
+            "COMMAND_LONG", 0, 0, self._system_id, _AUTOPILOT_COMPONENT, json.dumps(fields)
+        )
+        with self._door:
+            if self._link is None:
+                return False
+            self._link.direct.send_command_async(message, self._awaited(answered))
+        return True
+
+    async def read_parameters(
+        self, kinds: Mapping[str, type[int] | type[float]]
+    ) -> dict[str, float]:
+        """See `hal.interfaces.ParameterStore`."""
+        link, worker = self._link, self._worker
+        if link is None or worker is None:
+            return {}
+        loop = asyncio.get_running_loop()
+        for name, kind in kinds.items():
+            await loop.run_in_executor(worker, _read_parameter, link, name, kind)
+        return {name: link.parameters[name] for name in kinds if name in link.parameters}
+
+    async def write_parameter(self, name: str, value: int | float) -> float | None:
+        """See `hal.interfaces.ParameterStore`."""
+        link, worker = self._link, self._worker
+        if link is None or worker is None:
+            return None
+        loop = asyncio.get_running_loop()
+        await loop.run_in_executor(worker, _write_parameter, link, name, value)
+        return link.parameters.get(name)
+
+    async def report_health(self) -> bool:
+        """See `hal.interfaces.ParameterStore`: MAV_CMD_RUN_PREARM_CHECKS."""
+        loop = asyncio.get_running_loop()
+        answer: asyncio.Future[bool] = loop.create_future()
+
+        def resolve(accepted: bool) -> None:  # noqa: FBT001 - a callback's one value
+            if not answer.done():
+                answer.set_result(accepted)
+
+        def answered(result: MavlinkDirectResult, _message: object, _data: object) -> None:
+            accepted = result is MavlinkDirectResult.SUCCESS
+            with contextlib.suppress(RuntimeError):
+                loop.call_soon_threadsafe(resolve, accepted)
+
+        if not self._command(_RUN_PREARM_CHECKS, (), answered):
+            return False
+        try:
+            async with asyncio.timeout(self._config.request_timeout_s):
+                return await answer
+        except TimeoutError:
+            return False
 
     # ---------------------------------------------------------------- setpoints
 
@@ -825,13 +877,22 @@ async def _first_autopilot(mavsdk: Mavsdk) -> System:
         mavsdk.cancel_first_autopilot(handle)
 
 
-def _read_parameter(link: _Link, name: str) -> None:
+def _write_parameter(link: _Link, name: str, value: int | float) -> None:
+    """Set it, and read what the vehicle holds then into `link.parameters`."""
+    link.parameters.pop(name, None)
+    try:
+        if isinstance(value, int):
+            link.param.set_param_int(name, value)
+        else:
+            link.param.set_param_float(name, value)
+    except ParamError as error:
+        _LOG.info("parameter %s was not set: %s", name, error.result.name)
+    _read_parameter(link, name, type(value))
+
+
+def _read_parameter(link: _Link, name: str, kind: type[int] | type[float]) -> None:
     """Into `link.parameters`; a name that the vehicle does not know stays absent."""
-    read = (
-        link.param.get_param_int
-        if PREFLIGHT_PARAMETERS[name] is int
-        else link.param.get_param_float
-    )
+    read = link.param.get_param_int if kind is int else link.param.get_param_float
     try:
         link.parameters[name] = float(read(name))
     except ParamError as error:

@@ -2,7 +2,7 @@
 mission takes a second, and nothing but the vehicle is simulated.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -39,6 +39,22 @@ class DrivenVehicle(SimVehicle):
 
     def send_message(self, name: str, fields_json: str) -> None:
         """Nothing goes over a wire."""
+
+    async def read_parameters(
+        self, kinds: Mapping[str, type[int] | type[float]]
+    ) -> dict[str, float]:
+        """Those that the simulated autopilot has."""
+        held = self.autopilot.parameters
+        return {name: float(held[name]) for name in kinds if name in held}
+
+    async def write_parameter(self, name: str, value: int | float) -> float | None:
+        """Set it and read it back."""
+        self.autopilot.set_parameter(name, value)
+        return (await self.read_parameters({name: float})).get(name)
+
+    async def report_health(self) -> bool:
+        """There is no report beside the status."""
+        return True
 
     def hold_now(self) -> bool:
         """The deadman's second step."""

@@ -4,14 +4,9 @@ import os
 from pathlib import Path
 
 from autonomy.config import Config
-from autonomy.doctor import (
-    Finding,
-    check_beams,
-    check_disk,
-    check_machine,
-    check_packages,
-    check_python,
-)
+from autonomy.doctor import check_disk, check_machine, check_packages, check_python
+from autonomy.finding import Finding
+from autonomy.vehicle_check import check_beams
 from hal.readings import RangeReading, RangeStatus
 
 

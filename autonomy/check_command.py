@@ -1,0 +1,90 @@
+"""`autonomy check`: what it looks at, what it sets, and how it is said."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+import msgspec
+
+from autonomy import doctor, vehicle_check
+from autonomy.config import Config
+from autonomy.errors import BadInput, ExitCode
+from autonomy.finding import Finding, Fix
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The command line."""
+
+    connection: str | None
+    log_directory: Path
+    fix: bool = False
+    settings: tuple[tuple[str, float], ...] = ()
+    yes: bool = False
+    as_json: bool = False
+
+
+def run(config: Config, asked: Asked) -> ExitCode:
+    """Look, say, set; PREFLIGHT_REFUSED when something has to be mended, or was not set."""
+    if asked.settings and asked.connection is not None:
+        _agree_to_settings(asked)
+        found = vehicle_check.set_parameters(config, asked.connection, asked.settings)
+    else:
+        found = _looked(config, asked)
+    bad = sum(finding.bad for finding in found)
+    if asked.as_json:
+        fixes = [finding.fix for finding in found if finding.fix is not None]
+        document = {"ready": bad == 0, "findings": found, "fixes": fixes}
+        click.echo(msgspec.json.format(msgspec.json.encode(document)).decode())
+    else:
+        for finding in found:
+            click.echo(str(finding))
+        _say_fixes(asked, found)
+        click.echo(f"{bad} to mend" if bad else "ready")
+    return ExitCode.PREFLIGHT_REFUSED if bad else ExitCode.GOAL_REACHED
+
+
+def _looked(config: Config, asked: Asked) -> tuple[Finding, ...]:
+    found = doctor.check_machine(config, asked.log_directory)
+    if asked.connection is None:
+        return found
+    if not asked.fix:
+        return (*found, *vehicle_check.check_vehicle(config, asked.connection))
+    first = vehicle_check.mend_vehicle(config, asked.connection, lambda fixes: _agree(asked, fixes))
+    fixes = [finding.fix for finding in first if finding.fix is not None]
+    written = [finding for finding in first if finding.subject == "fix"]
+    if not fixes or not all(finding.good for finding in written):
+        return (*found, *first)
+    if not asked.as_json:
+        click.echo(f"to undo: {vehicle_check.undo(asked.connection, fixes)}")
+    # Looked at anew: what was set may have been what kept the vehicle down.
+    return (*found, *written, *vehicle_check.check_vehicle(config, asked.connection))
+
+
+def _agree(asked: Asked, fixes: Sequence[Fix]) -> bool:
+    """Shows old and new of every parameter, and asks unless `--yes` was given."""
+    for fix in fixes:
+        click.echo(f"{fix.name}: {fix.old:g} -> {fix.new:g}", err=True)
+    return asked.yes or _confirmed("set these parameters on the vehicle?")
+
+
+def _agree_to_settings(asked: Asked) -> None:
+    for name, value in asked.settings:
+        click.echo(f"{name} -> {value:g}", err=True)
+    if not asked.yes and not _confirmed("set these parameters on the vehicle?"):
+        raise BadInput("no parameter was set")
+
+
+def _confirmed(question: str) -> bool:
+    """Raises BadInput where nobody can answer."""
+    if not sys.stdin.isatty():
+        raise BadInput("nobody is there to agree: --yes sets parameters without asking")
+    return click.confirm(question, err=True)
+
+
+def _say_fixes(asked: Asked, found: Sequence[Finding]) -> None:
+    fixes = [finding.fix for finding in found if finding.fix is not None]
+    if fixes and not asked.fix:
+        click.echo(f"{len(fixes)} parameters can be set by this program: add --fix")
