@@ -107,6 +107,7 @@ class Flight:
                 server.cancel()
             if outcome.ending is Ending.TAKEN_OVER:
                 self.custody.let_go()
+                await self._leave_offboard()
             safe = True
             return outcome
         finally:
@@ -115,6 +116,15 @@ class Flight:
             if not safe:
                 await asyncio.shield(self._bring_down())
             self._deadman.release()
+
+    async def _leave_offboard(self) -> None:
+        """Out of Offboard, if the vehicle was disarmed in it.
+
+        Whoever arms it next would else see it take off to where the link's repeated setpoint is.
+        """
+        status = self._vehicle.status()
+        if not status.armed and status.mode is FlightMode.OFFBOARD:
+            await self._vehicle.execute(Request(RequestKind.HOLD))
 
     async def _bring_down(self) -> None:
         """The deadman, which nobody feeds, stays armed until PX4 has the vehicle."""

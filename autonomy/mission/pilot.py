@@ -439,12 +439,8 @@ class Pilot:
         """Let go when PX4 or a pilot took over; else do what the fault table says."""
         status = self._status(tick)
         heard = status.link_age_s <= self._config.vehicle.link_timeout_s
-        taken = self._sequence.taken_over(self._state, status) or (
-            self._state in NAVIGATING_STATES and status.mode is not FlightMode.OFFBOARD
-        )
-        if heard and taken:
-            who = "PX4's failsafe" if status.in_failsafe else "a pilot or PX4"
-            why = f"{who} switched the vehicle to {status.mode.value}; this service lets go"
+        why = self._who_took_it(status) if heard else None
+        if why is not None:
             self._enter(tick, Move(MissionState.YIELDED, why, Outcome(Ending.TAKEN_OVER, why)))
             return
         if self._state not in OFFBOARD_STATES and self._state is not MissionState.TAKEOFF:
@@ -458,6 +454,17 @@ class Pilot:
             self._enter(tick, Move(MissionState.LAND, why, Outcome(worst.ending, worst.why)))
         elif self._state in NAVIGATING_STATES - {MissionState.HOLD}:
             self._enter(tick, Move(MissionState.HOLD, f"{worst.why}: holding"))
+
+    def _who_took_it(self, status: VehicleStatus) -> str | None:
+        """Why the vehicle is no longer this service's to command; None while it is."""
+        if self._state in OFFBOARD_STATES | {MissionState.TAKEOFF} and not status.armed:
+            return "a pilot or PX4 disarmed the vehicle; this service lets go"
+        if self._sequence.taken_over(self._state, status) or (
+            self._state in NAVIGATING_STATES and status.mode is not FlightMode.OFFBOARD
+        ):
+            who = "PX4's failsafe" if status.in_failsafe else "a pilot or PX4"
+            return f"{who} switched the vehicle to {status.mode.value}; this service lets go"
+        return None
 
     def _faults(self, tick: Tick) -> tuple[failsafe.Found, ...]:
         """Faults present now, strongest response first."""

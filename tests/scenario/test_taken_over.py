@@ -15,6 +15,9 @@ from hal.sim.scenario import load_scenario
 
 Watch = Callable[[Simulation, Command], None]
 
+A_HEARTBEAT_S = 1.1
+"""PX4 tells that it was disarmed at its next heartbeat."""
+
 
 def fly(on_tick: Watch) -> SimulatedFlight:
     scenario = load_scenario("empty")
@@ -64,6 +67,33 @@ def test_after_a_switch_of_mode_nothing_more_is_sent_or_asked(
     asked = [r.kind for command in flight.commands for r in command.decision.requests]
     assert RequestKind.DISARM not in asked
     assert asked.count(RequestKind.LAND) == (state is MissionState.LAND)
+
+
+@pytest.mark.parametrize(
+    ("state", "seen"),
+    [
+        (MissionState.TAKEOFF, FlightMode.TAKEOFF),
+        (MissionState.DETECT, FlightMode.OFFBOARD),
+        (MissionState.CRUISE, FlightMode.OFFBOARD),
+    ],
+)
+def test_a_vehicle_whose_motors_were_cut_in_the_air_is_let_go_of_at_once(
+    state: MissionState, seen: FlightMode
+) -> None:
+    cut_s: list[float] = []
+
+    def watch(simulation: Simulation, command: Command) -> None:
+        autopilot = simulation.vehicle.autopilot
+        flown = autopilot.mode.flight_mode is seen and autopilot.landed is not Landed.ON_GROUND
+        if not cut_s and flown and command.decision.state is state:
+            autopilot.disarm(force=True)
+            cut_s.append(command.decision.now_s)
+
+    flight = fly(watch)
+    assert flight.outcome.ending is Ending.TAKEN_OVER, flight.outcome.why
+    assert "disarmed" in flight.outcome.why
+    late = [c for c in flight.commands if c.decision.now_s > cut_s[0] + A_HEARTBEAT_S]
+    assert all(c.wire_setpoint is None and not c.decision.requests for c in late)
 
 
 def test_an_undisturbed_flight_is_nobody_else_s() -> None:
