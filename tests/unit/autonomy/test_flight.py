@@ -14,7 +14,7 @@ from autonomy.model import Ending, Inputs
 from autonomy.simulation import goal_of, with_scenario
 from hal.readings import FlightMode, LandedState, StatusText
 from hal.setpoints import Reply, Request, RequestKind, Setpoint
-from hal.sim.px4 import Mode
+from hal.sim.px4 import Mode, Result
 from hal.sim.scenario import load_scenario
 from hal.sim.vehicle import Truth
 from hal.vehicle.deadman import Deadman, Watch
@@ -254,6 +254,23 @@ def test_a_taken_vehicle_has_no_moving_setpoint_left_behind(stage: Stage) -> Non
     assert len(stage.stopped_s) == 1
     assert stage.sent[-1].velocity_ned_m_s == (0.0, 0.0, 0.0)
     assert not any(stage.flight.custody.holds(mode) for mode in FlightMode)
+
+
+def test_a_vehicle_killed_in_flight_is_let_go_of_and_left_in_hold_for_who_arms_it_next(
+    stage: Stage,
+) -> None:
+    stage.when_cruising(lambda: stage.vehicle.autopilot.disarm(force=True))
+    assert stage.run() is Ending.TAKEN_OVER
+    assert stage.asked == [RequestKind.HOLD]
+    assert stage.vehicle.status().mode is FlightMode.HOLD
+    stage.vehicle.advance(5.0)
+    assert stage.vehicle.autopilot.arm() is Result.ACCEPTED
+    stage.vehicle.advance(5.0)
+    assert landed_height_m(stage) < 0.05
+
+
+def landed_height_m(stage: Stage) -> float:
+    return -stage.truth.position_ned_m[2]
 
 
 def test_a_decision_that_took_too_long_is_neither_sent_nor_fed(stage: Stage) -> None:
