@@ -5,6 +5,7 @@ notices is printed. The exit code is 1 when a target's score is below --least.
 """
 
 import argparse
+import functools
 import os
 import sys
 
@@ -26,9 +27,15 @@ def main() -> int:
         parser.error(f"no target {unknown[0]!r}; there are: {', '.join(TARGETS)}")
     scores = []
     for name in asked.target or TARGETS:
-        scores.append(score_of(name, TARGETS[name], asked.workers, asked.sample, asked.within))
-        for survivor in scores[-1].survivors:
-            print(f"{survivor.where}  {survivor.change}")
+        score = score_of(
+            name,
+            TARGETS[name],
+            asked.workers,
+            sample=asked.sample,
+            within=asked.within,
+            tell=functools.partial(print, flush=True),
+        )
+        scores.append(score)
     print(table(scores))
     return int(any(score.share < asked.least for score in scores))
 

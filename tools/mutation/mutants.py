@@ -1,14 +1,13 @@
 """Which mutants there are: each comparison, sign, constant and loop of a module, one at a time."""
 
-import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
-from cosmic_ray.commands import init
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.ast.ast_query import ASTQuery
 from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator
-from cosmic_ray.work_db import WorkDB, use_db
-from cosmic_ray.work_item import MutationSpec
 
 ORDERINGS = {"Lt": ("LtE", "GtE", "Gt"), "Gt": ("GtE", "LtE", "Lt")} | {
     "LtE": ("Lt", "Gt", "GtE"),
@@ -44,13 +43,17 @@ OPERATORS = frozenset(
 
 @dataclass(frozen=True)
 class Mutant:
-    """One mutation of a module: the `occurrence`-th place where cosmic-ray's operator applies."""
+    """One mutation of a source: the `occurrence`-th place where cosmic-ray's operator applies.
 
-    module: Path
+    Counted within the statement at the source's characters from `begin` to `end`.
+    """
+
     definition: str
     line: int
     operator: str
     occurrence: int
+    begin: int
+    end: int
 
 
 @dataclass(frozen=True)
@@ -61,51 +64,49 @@ class Mutated:
     change: str
 
 
-def mutants_of(root: Path, module: Path, definitions: frozenset[str]) -> list[Mutant]:
-    """All mutants of `module` (below `root`) by `OPERATORS`, in the order of the source.
+def mutants_of(source: str, definitions: frozenset[str] = frozenset()) -> list[Mutant]:
+    """All mutants of a module by `OPERATORS`, in the order of the source.
 
     `definitions`: names of the functions and classes to mutate; empty: the whole module. Code
     outside of functions and classes belongs to the definition "module".
     """
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        use_db(f"{folder}/work.sqlite", WorkDB.Mode.create) as db,
-    ):
-        init([root / module], db, {})
-        specs = [mutation for item in db.work_items for mutation in item.mutations]
-    lines = (root / module).read_text().splitlines()
-    found = [
-        _mutant(module, spec)
-        for spec in specs
-        if spec.operator_name in OPERATORS and not _names_arguments(lines, spec)
-    ]
+    found: list[Mutant] = []
+    begin = 0
+    for statement in get_ast(source).children:
+        end = begin + len(statement.get_code())
+        found += _mutants_in(statement, begin, end, source.splitlines())
+        begin = end
     wanted = [mutant for mutant in found if not definitions or mutant.definition in definitions]
     return sorted(wanted, key=lambda m: (m.line, m.operator, m.occurrence))
 
 
-def mutated(original: str, mutant: Mutant) -> Mutated:
-    """The module's source with the one mutation; ValueError when the operator finds no place."""
-    source = mutate_code(original, get_operator(mutant.operator)(), mutant.occurrence)
-    if source is None:
+def mutated(source: str, mutant: Mutant) -> Mutated:
+    """The source with the one mutation; ValueError when the operator finds no place.
+
+    Only the statement is parsed again: whole modules take a second.
+    """
+    statement = source[mutant.begin : mutant.end]
+    other = mutate_code(statement, get_operator(mutant.operator)(), mutant.occurrence)
+    if other is None:
         raise ValueError(f"{mutant.operator} does not apply {mutant.occurrence} times")
-    old, new = original.splitlines(), source.splitlines()
-    pairs = list(zip(old, new, strict=False))
+    pairs = list(zip(statement.splitlines(), other.splitlines(), strict=False))
     changed = [(a.strip(), b.strip()) for a, b in pairs if a != b]
     olds, news = " | ".join(a for a, _ in changed), " | ".join(b for _, b in changed)
-    return Mutated(source, f"{mutant.definition}: {olds} -> {news}")
+    whole = source[: mutant.begin] + other + source[mutant.end :]
+    return Mutated(whole, f"{mutant.definition}: {olds} -> {news}")
 
 
-def _names_arguments(lines: list[str], spec: MutationSpec) -> bool:
-    """Whether it is the bare * of a signature, which cosmic-ray takes for a product."""
-    row, column = spec.start_pos
-    return bool(lines[row - 1].startswith("*,", column))
-
-
-def _mutant(module: Path, spec: MutationSpec) -> Mutant:
-    return Mutant(
-        module,
-        spec.definition_name or "module",
-        spec.start_pos[0],
-        spec.operator_name,
-        spec.occurrence,
-    )
+def _mutants_in(statement: Any, begin: int, end: int, lines: list[str]) -> Iterator[Mutant]:
+    nodes = list(ast_nodes(statement))
+    for name in sorted(OPERATORS):
+        operator = get_operator(name)()
+        places = (
+            (node, row, column)
+            for node in nodes
+            for (row, column), _ in operator.mutation_positions(node)
+        )
+        for occurrence, (node, row, column) in enumerate(places):
+            # The bare * of a signature is taken for a product.
+            if not lines[row - 1].startswith("*,", column):
+                definition = ASTQuery(node).get_definition_name() or "module"
+                yield Mutant(definition, row, name, occurrence, begin, end)

@@ -3,8 +3,8 @@
 import multiprocessing
 import os
 import random
-import sys
 import tempfile
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing.queues import SimpleQueue
@@ -50,13 +50,14 @@ class Worker:
     """One process with a tree, in which it tests one mutant after the other."""
 
     def __init__(self, target: Target, root: Path, place: Path) -> None:
+        self._module = target.module
         self._tree = Tree(root, place, target.module, target.tests)
 
     def verdict_on(self, mutant: Mutant) -> Verdict:
         """Mutate and test."""
         made = mutated(self._tree.original, mutant)
         killed = not self._tree.passes(made.source)
-        return Verdict(f"{mutant.module}:{mutant.line}", made.change, killed)
+        return Verdict(f"{self._module}:{mutant.line}", made.change, killed)
 
 
 _worker: list[Worker] = []
@@ -74,16 +75,23 @@ def _verdict_on(mutant: Mutant) -> Verdict:
 
 
 def score_of(
-    name: str, target: Target, workers: int, sample: int = 0, within: str = "", root: Path = ROOT
+    name: str,
+    target: Target,
+    workers: int,
+    *,
+    sample: int = 0,
+    within: str = "",
+    root: Path = ROOT,
+    tell: Callable[[str], object] = str,
 ) -> Score:
     """Test the mutants of one target.
 
     `sample`: only so many of them, drawn at random (0: all). `within`: only those in definitions
-    whose name contains it.
+    whose name contains it. `tell` gets a line for every survivor as soon as it is known.
     """
     mutants = [
         mutant
-        for mutant in mutants_of(root, target.module, target.definitions)
+        for mutant in mutants_of((root / target.module).read_text(), target.definitions)
         if within in mutant.definition
     ]
     if sample and sample < len(mutants):
@@ -96,9 +104,11 @@ def score_of(
             places.put(Path(folder) / f"tree-{number}")
         with ProcessPoolExecutor(workers, context, _enter, (target, root, places)) as pool:
             for done in as_completed([pool.submit(_verdict_on, mutant) for mutant in mutants]):
-                verdicts.append(done.result())
-                _tell(f"\r{name}: {len(verdicts)} of {len(mutants)} mutants")
-    _tell("\n")
+                verdict = done.result()
+                verdicts.append(verdict)
+                if not verdict.killed and verdict.change not in target.equivalent:
+                    at = f"{len(verdicts)} of {len(mutants)}"
+                    tell(f"{name} ({at}) {verdict.where}  {verdict.change}")
     return judged(name, target, verdicts)
 
 
@@ -112,8 +122,3 @@ def judged(name: str, target: Target, verdicts: list[Verdict]) -> Score:
         equivalent=len(same),
         survivors=tuple(v for v in survivors if v not in same),
     )
-
-
-def _tell(text: str) -> None:
-    if sys.stderr.isatty():
-        print(text, end="", file=sys.stderr, flush=True)

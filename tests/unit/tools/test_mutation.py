@@ -54,21 +54,21 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def changes(project: Path, *definitions: str) -> list[str]:
-    found = mutants_of(project, MODULE, frozenset(definitions))
+def changes(*definitions: str) -> list[str]:
+    found = mutants_of(SOURCE, frozenset(definitions))
     return [mutated(SOURCE, mutant).change for mutant in found]
 
 
-def test_a_comparison_goes_to_its_border_its_negation_and_its_mirror(project: Path) -> None:
-    assert sorted(changes(project, "is_above")) == [
+def test_a_comparison_goes_to_its_border_its_negation_and_its_mirror() -> None:
+    assert sorted(changes("is_above")) == [
         "is_above: return value > least -> return value < least",
         "is_above: return value > least -> return value <= least",
         "is_above: return value > least -> return value >= least",
     ]
 
 
-def test_signs_and_constants_are_mutated_one_at_a_time(project: Path) -> None:
-    assert sorted(changes(project, "rise")) == [
+def test_signs_and_constants_are_mutated_one_at_a_time() -> None:
+    assert sorted(changes("rise")) == [
         "rise: return -2.0 * run -> return +2.0 * run",
         "rise: return -2.0 * run -> return - 1.0 * run",
         "rise: return -2.0 * run -> return - 3.0 * run",
@@ -76,23 +76,22 @@ def test_signs_and_constants_are_mutated_one_at_a_time(project: Path) -> None:
     ]
 
 
-def test_what_is_outside_of_functions_belongs_to_the_module(project: Path) -> None:
-    assert sorted(changes(project, "module")) == [
+def test_what_is_outside_of_functions_belongs_to_the_module() -> None:
+    assert sorted(changes("module")) == [
         "module: DOOR = 3 -> DOOR = 2",
         "module: DOOR = 3 -> DOOR = 4",
     ]
 
 
-def test_without_definitions_the_whole_module_is_mutated_in_its_order(project: Path) -> None:
-    found = mutants_of(project, MODULE, frozenset())
+def test_without_definitions_the_whole_module_is_mutated_in_its_order() -> None:
+    found = mutants_of(SOURCE)
     assert len(found) == 9
     assert [mutant.line for mutant in found] == sorted(mutant.line for mutant in found)
 
 
-def test_types_and_the_marker_of_named_arguments_are_no_signs(project: Path) -> None:
+def test_types_and_the_marker_of_named_arguments_are_no_signs() -> None:
     source = "def free(a: int | None = None, *, b: bool = True) -> None: ...\n"
-    (project / MODULE).write_text(source)
-    found = [mutated(source, mutant).change for mutant in mutants_of(project, MODULE, frozenset())]
+    found = [mutated(source, mutant).change for mutant in mutants_of(source)]
     assert len(found) == 1
     assert "b: bool = False" in found[0]
 
