@@ -32,7 +32,7 @@ import msgspec
 
 from hal.config import BeamMount, GuardConfig
 from hal.errors import ReadingRefused
-from hal.frames import Vector3, add, finite3, norm, scale, subtract
+from hal.frames import ZERO3, Vector3, add, finite3, norm, scale, subtract
 from hal.interfaces import SeenSpace
 from hal.readings import RangeReading, RangeStatus
 from hal.setpoints import Setpoint
@@ -99,13 +99,11 @@ class Sight(msgspec.Struct, frozen=True):
     position_ok: bool = True
 
     def __post_init__(self) -> None:
-        # One sum tells whether any of them is inf or NaN.
-        scalars = self.now_s + self.fused_stamp_s + self.yaw_rad + self.position_sigma_m
         if not (
-            math.isfinite(scalars)
+            finite3((self.now_s, self.fused_stamp_s, self.yaw_rad))
             and finite3(self.position_ned_m)
             and finite3(self.velocity_ned_m_s)
-            and self.position_sigma_m >= 0.0
+            and 0.0 <= self.position_sigma_m < math.inf
         ):
             raise ReadingRefused("guard: what is known of the vehicle is not a number")
 
@@ -135,10 +133,8 @@ def stopping_speed_m_s(distance_m: float, reaction_s: float, braking_m_s2: float
 
     Inverse of `stopping_distance_m`.
     """
-    if distance_m <= 0.0:
-        return 0.0
     at = braking_m_s2 * reaction_s
-    return math.sqrt(at * at + 2.0 * braking_m_s2 * distance_m) - at
+    return math.sqrt(at * at + 2.0 * braking_m_s2 * max(0.0, distance_m)) - at
 
 
 class _Beam(msgspec.Struct, frozen=True):
@@ -156,7 +152,7 @@ def _beam(mount: BeamMount) -> _Beam:
     if mount.horizontal:
         face_m = mount.forward_m * math.cos(yaw) + mount.right_m * math.sin(yaw)
         return _Beam(mount, yaw, 0, math.cos(pitch), face_m)
-    rise = 1 if pitch > 0.0 else -1
+    rise = int(math.copysign(1.0, pitch))
     return _Beam(mount, yaw, rise, abs(math.sin(pitch)), -rise * mount.down_m)
 
 
@@ -184,7 +180,7 @@ class Guard:
         points = config.fence.polygon_ne_m
         self._edges = tuple(zip(points, points[1:] + points[:1], strict=True))
         self._fence_at = (0.0, 0.0)
-        self._fence_inside_m = -math.inf
+        self._fence_inside_m = config.fence.inside_distance_m(*self._fence_at)
         self._anchor: Vector3 | None = None
         self.horizon_m = stopping_distance_m(
             config.speed_max_m_s, config.reaction_s, config.braking_m_s2
@@ -242,7 +238,7 @@ class Guard:
         if reason == SETPOINT_STALE:
             back = subtract(anchor, sight.position_ned_m)
             altitude = -sight.position_ned_m[2]
-            offset, _ = self._vertical(back, (0.0, 0.0, 0.0), altitude, around, limits)
+            offset, _ = self._vertical(back, ZERO3, altitude, around, limits)
             if offset[2] != back[2]:
                 anchor = (anchor[0], anchor[1], sight.position_ned_m[2] + offset[2])
         hold = Setpoint(sight.now_s, anchor, yaw_rad=sight.yaw_rad)
@@ -317,16 +313,20 @@ class Guard:
             rise = min(highest, max(lowest, altitude + rise)) - altitude
         climb = -velocity[2]
         wanted = max(abs(climb + HEIGHT_GAIN_PER_S * rise), abs(climb))
-        reason = None
+        reason: str | None = None
         if wanted > config.climb_max_m_s + _ROUNDING:
             reason = CLIMB
             rise *= config.climb_max_m_s / wanted
             climb *= config.climb_max_m_s / wanted
         effective = climb + HEIGHT_GAIN_PER_S * rise
         slowest, fastest = self._climb_range(altitude, around)
-        allowed, limit = fastest if effective > fastest[0] else slowest
-        if effective > fastest[0] + _ROUNDING or effective < slowest[0] - _ROUNDING:
-            reason = limit
+        limit = None
+        if effective > fastest[0] + _ROUNDING:
+            limit = fastest
+        elif effective < slowest[0] - _ROUNDING:
+            limit = slowest
+        if limit is not None:
+            allowed, reason = limit
             if allowed * effective >= 0.0 and abs(allowed) < abs(effective):
                 rise, climb = rise * allowed / effective, climb * allowed / effective
             else:
@@ -352,7 +352,7 @@ class Guard:
         up_m, down_m = around.ceiling_m - self._beam_stop_m, around.ground_m - self._beam_stop_m
         if below_m == 0.0:
             # Below the band it may stand on the floor: no reason to take off.
-            down_m = max(0.0, down_m)
+            down_m = math.inf
         if up_m < 0.0 and down_m < 0.0:
             up_m = (up_m - down_m) / 2.0
             down_m = -up_m
@@ -367,7 +367,8 @@ class Guard:
     def _leashed_at(self, offset: Vector3, rise_m: float) -> Vector3:
         """`offset` with another height, shortened horizontally where the leash asks for it."""
         level_m = math.hypot(offset[0], offset[1])
-        room_m = math.sqrt(max(0.0, self._config.leash_m**2 - rise_m * rise_m))
+        leash2 = self._config.leash_m**2
+        room_m = math.sqrt(leash2 - min(leash2, rise_m * rise_m))
         factor = room_m / level_m if level_m > room_m * (1.0 + _ROUNDING) else 1.0
         return (offset[0] * factor, offset[1] * factor, -rise_m)
 
@@ -449,9 +450,8 @@ class Guard:
         if speed > allowed * (1.0 + _ROUNDING):
             limits.append(reason)
             factor *= allowed / speed
-        if factor < 1.0:
-            offset = (offset[0] * factor, offset[1] * factor, offset[2])
-            velocity = (velocity[0] * factor, velocity[1] * factor, velocity[2])
+        offset = (offset[0] * factor, offset[1] * factor, offset[2])
+        velocity = (velocity[0] * factor, velocity[1] * factor, velocity[2])
         return offset, velocity, allowed, free_m
 
     def _must_brake(self, north: float, east: float, sight: Sight) -> bool:
@@ -462,8 +462,6 @@ class Guard:
             return False
         un, ue = vn / actual, ve / actual
         fed = north * un + east * ue
-        if fed <= 0.0:
-            return False
         allowed, _, _ = self._allowed(un, ue, sight)
         return actual > allowed and fed > allowed * (1.0 + _ROUNDING)
 
@@ -521,8 +519,6 @@ class Guard:
             return reach_m
         inside_m = fence.inside_distance_m(position[0], position[1])
         self._fence_at, self._fence_inside_m = (position[0], position[1]), inside_m
-        if inside_m >= reach_m:
-            return reach_m
         if inside_m <= _ROUNDING:
             ahead_m = fence.inside_distance_m(
                 position[0] + un * _INWARD_STEP_M, position[1] + ue * _INWARD_STEP_M

@@ -72,4 +72,65 @@ TARGETS: dict[str, Target] = {
         ),
         interpreted=True,
     ),
+    "component-kernels": Target(
+        KERNELS,
+        (f"{T3DRM}/test_kernels_components.py",),
+        frozenset(
+            {
+                "spanning_tree",
+                "cut_tree",
+                "sparse_chain",
+                "_cells",
+                "_take_overlapping",
+                "join_overlapping",
+            }
+        ),
+        interpreted=True,
+    ),
+    "tangent-kernels": Target(
+        KERNELS,
+        (f"{T3DRM}/test_kernels_tangents.py", f"{T3DRM}/test_kernels_routes.py"),
+        frozenset(
+            {
+                "segment_distance2",
+                "tangent",
+                "ahead",
+                "_crosses",
+                "_edge_is_free",
+                "_overlap",
+                "_bar",
+                "_barred_bearings",
+                "_reach",
+                "_sift_up",
+                "_sift_down",
+                "_push",
+                "_lay_tangent",
+                "_arrival",
+                "_dominated",
+                "_remember",
+            }
+        ),
+        interpreted=True,
+    ),
+    "route-kernels": Target(
+        KERNELS,
+        (f"{T3DRM}/test_kernels_tangents.py", f"{T3DRM}/test_kernels_routes.py"),
+        frozenset(
+            {
+                "_lay_all",
+                "solve_tangents",
+                "_wider",
+                "_chain",
+                "_rows",
+                "_depth",
+                "_box_of",
+                "_activate",
+                "_add_cut_discs",
+                "_inside_which",
+                "lazy_route",
+                "route_from_scratch",
+            }
+        ),
+        interpreted=True,
+    ),
 }
