@@ -14,7 +14,7 @@ from autonomy.config import PlannerConfig
 from autonomy.geometry import Point
 from autonomy.model import Environment, Obstacle, ObstacleKind
 from autonomy.t3drm import kernels
-from autonomy.t3drm.kernels import Floats, Ints
+from autonomy.t3drm.kernels import Floats, Ints, Mask
 
 
 class Linkage(msgspec.Struct, frozen=True):
@@ -31,7 +31,7 @@ class Linkage(msgspec.Struct, frozen=True):
         if points.shape[0] == 0:
             empty = np.empty(0, dtype=np.int64)
             return cls(points, empty, empty, np.empty(0))
-        return cls(points, *kernels.spanning_tree(points, np.zeros(points.shape[0])))
+        return cls(points, *kernels.spanning_tree(points))
 
     def labels(self, keep_out_m: float) -> tuple[Ints, int]:
         """Component number of every hit at the keep-out radius, and how many there are."""
@@ -44,14 +44,50 @@ class Linkage(msgspec.Struct, frozen=True):
         return (*sorted(0.5 * float(e) for e in self.edge_m if math.isfinite(e)), math.inf)
 
 
-class Shape(msgspec.Struct, frozen=True):
-    """The outline of one component: hit numbers, hull (counter-clockwise in (north, east))."""
+class Outlines(msgspec.Struct, frozen=True):
+    """All components at one keep-out radius, in the order of their labels, as arrays.
 
+    Component c has the hits members[first[c] : first[c + 1]] (ascending) and the convex hull
+    hulls[corner[c] : corner[c + 1]] (numbers of hits, counter-clockwise in (north, east)); `rows`
+    are (north, east, radius) of its smallest enclosing circle and its linearity.
+    """
+
+    labels: Ints
     members: Ints
-    hull: Ints
-    centre: Point
-    radius_m: float
-    linearity: float
+    first: Ints
+    hulls: Ints
+    corner: Ints
+    rows: Floats
+    discrete: Mask
+    """1 where the component fits into a small sphere (config.discrete_radius_m)."""
+
+    @classmethod
+    def of(cls, linkage: Linkage, keep_out_m: float, discrete_radius_m: float) -> "Outlines":
+        """The components of the hits at a keep-out radius."""
+        labels, count = linkage.labels(keep_out_m)
+        members, first = kernels.by_label(labels, count)
+        hulls, corner, rows = kernels.outlines(linkage.points, members, first)
+        discrete = (rows[:, 2] <= discrete_radius_m).astype(np.uint8)
+        return cls(labels, members, first, hulls, corner, rows, discrete)
+
+    @property
+    def count(self) -> int:
+        """Number of components."""
+        return int(self.rows.shape[0])
+
+    def hull_of(self, label: int) -> Ints:
+        """Numbers of the hits that are the corners of one component's hull."""
+        return self.hulls[self.corner[label] : self.corner[label + 1]]
+
+    @property
+    def environment(self) -> Environment:
+        """Free, discrete, continuous or mixed, by what the components are."""
+        small = int(self.discrete.sum())
+        if self.count == 0:
+            return Environment.FREE
+        if 0 < small < self.count:
+            return Environment.MIXED
+        return Environment.DISCRETE if small else Environment.CONTINUOUS
 
 
 class Classification(msgspec.Struct, frozen=True):
@@ -62,86 +98,57 @@ class Classification(msgspec.Struct, frozen=True):
     persistence: tuple[float, ...]
 
 
-def shapes_of(linkage: Linkage, labels: Ints, count: int) -> tuple[Shape, ...]:
-    """The outline of every component, in the order of the labels."""
-    by_label = np.argsort(labels, kind="stable")
-    bounds = np.searchsorted(labels[by_label], np.arange(count + 1)).tolist()
-    shapes = []
-    for k in range(count):
-        members = by_label[bounds[k] : bounds[k + 1]]
-        hull, north, east, radius, linearity = kernels.describe(linkage.points, members)
-        shapes.append(Shape(members, hull, (north, east), radius, linearity))
-    return tuple(shapes)
+_KINDS = (ObstacleKind.CONTINUOUS, ObstacleKind.DISCRETE)
 
 
-def kind_of(shape: Shape, config: PlannerConfig) -> ObstacleKind:
-    """Discrete when the component fits into a small sphere (config.discrete_radius_m)."""
-    small = shape.radius_m <= config.discrete_radius_m
-    return ObstacleKind.DISCRETE if small else ObstacleKind.CONTINUOUS
-
-
-def environment_of(kinds: tuple[ObstacleKind, ...]) -> Environment:
-    """Free, discrete, continuous or mixed, by what the components are."""
-    present = set(kinds)
-    if not present:
-        return Environment.FREE
-    if len(present) == 2:
-        return Environment.MIXED
-    return Environment(present.pop().value)
-
-
-def obstacles_of(
-    linkage: Linkage,
-    labels: Ints,
-    shapes: tuple[Shape, ...],
-    keep_out_m: float,
-    config: PlannerConfig,
-) -> tuple[Obstacle, ...]:
+def obstacles_of(linkage: Linkage, outlines: Outlines, keep_out_m: float) -> tuple[Obstacle, ...]:
     """The components as records for people, logs and the mission.
 
-    Regularity is 1 / (1 + variation) of the tree's edge lengths: 1 for evenly spaced hits.
+    Regularity is 1 / (1 + variation) of the tree's edge lengths: 1 for evenly spaced hits. The
+    death radius is where a component meets its nearest neighbour; inf when it is alone.
     """
-    rows: list[Point] = [(n, e) for n, e in linkage.points.tolist()]
-    deaths = _deaths(linkage, labels, len(shapes), keep_out_m)
-    obstacles = []
-    for shape, death in zip(shapes, deaths, strict=True):
-        obstacles.append(
+    if outlines.count == 0:
+        return ()
+    traits = kernels.regularities_and_deaths(
+        linkage.parent,
+        linkage.edge_m,
+        outlines.labels,
+        outlines.members,
+        outlines.first,
+        2.0 * keep_out_m,
+    )
+    points = [(n, e) for n, e in linkage.points.tolist()]
+    hits = [points[k] for k in outlines.members.tolist()]
+    corners = [points[k] for k in outlines.hulls.tolist()]
+    first, corner = outlines.first.tolist(), outlines.corner.tolist()
+    rows = zip(outlines.rows.tolist(), traits.tolist(), outlines.discrete.tolist(), strict=True)
+    return tuple(
+        [
             Obstacle(
-                kind=kind_of(shape, config),
-                centre=shape.centre,
-                radius_m=shape.radius_m,
-                hull=tuple([rows[i] for i in shape.hull.tolist()]),
-                hits=tuple([rows[i] for i in shape.members.tolist()]),
-                linearity=shape.linearity,
-                regularity=kernels.regularity(linkage.edge_m, shape.members, 2.0 * keep_out_m),
+                kind=_KINDS[discrete],
+                centre=(north, east),
+                radius_m=radius,
+                hull=tuple(corners[corner[c] : corner[c + 1]]),
+                hits=tuple(hits[first[c] : first[c + 1]]),
+                linearity=linearity,
+                regularity=regularity,
                 death_m=death,
             )
-        )
-    return tuple(obstacles)
+            for c, ((north, east, radius, linearity), (regularity, death), discrete) in enumerate(
+                rows
+            )
+        ]
+    )
 
 
 def classify(
     hits: tuple[Point, ...] | Floats, keep_out_m: float, config: PlannerConfig
 ) -> Classification:
     """Components of the hits at the keep-out radius, their kinds, and the persistence diagram."""
-    linkage = Linkage.of(np.asarray(hits, dtype=np.float64).reshape(-1, 2))
-    labels, count = linkage.labels(keep_out_m)
-    shapes = shapes_of(linkage, labels, count)
+    linkage = Linkage.of(np.array(hits, dtype=np.float64).reshape(-1, 2))
+    outlines = Outlines.of(linkage, keep_out_m, config.discrete_radius_m)
     return Classification(
-        obstacles=obstacles_of(linkage, labels, shapes, keep_out_m, config),
-        environment=environment_of(tuple(kind_of(shape, config) for shape in shapes)),
+        obstacles=obstacles_of(linkage, outlines, keep_out_m),
+        environment=outlines.environment,
         persistence=linkage.persistence(),
     )
-
-
-def _deaths(linkage: Linkage, labels: Ints, count: int, keep_out_m: float) -> list[float]:
-    """Per component the radius at which it meets its nearest neighbour; inf when it is alone."""
-    deaths = [math.inf] * count
-    for i in np.flatnonzero(linkage.edge_m >= 2.0 * keep_out_m).tolist():
-        p = int(linkage.parent[i])
-        if p < 0:
-            continue
-        radius = 0.5 * float(linkage.edge_m[i])
-        for end in (int(labels[i]), int(labels[p])):
-            deaths[end] = min(deaths[end], radius)
-    return deaths

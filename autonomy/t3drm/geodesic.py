@@ -81,12 +81,15 @@ def geodesic(
     """
     ends = np.array((start, goal))
     grid = grid_around(ends, hits, keep_out_m, polygon, cell_m, convex=convex)
-    if kernels.in_sight(hits, keep_out_m, grid.sides, *start, *goal):
+    squares = kernels.into_squares(hits, 0.0)
+    if kernels.in_sight(hits, squares, keep_out_m, grid.sides, *start, *goal):
         return GeodesicPath((start, goal))
-    found, path, _ = kernels.grid_geodesic(hits, keep_out_m, grid.sides, grid.free, grid.box, ends)
+    found, path, _ = kernels.grid_geodesic(
+        hits, squares, keep_out_m, grid.sides, grid.free, grid.box, ends
+    )
     if not found:
         return Closed(_evidence(grid, ends, hits, keep_out_m))
-    pulled = kernels.pull_string(path, hits, keep_out_m, grid.sides)
+    pulled = kernels.pull_string(path, hits, squares, keep_out_m, grid.sides)
     return GeodesicPath(tuple((n, e) for n, e in pulled.tolist()))
 
 
@@ -126,5 +129,4 @@ def _evidence(grid: Grid, ends: Floats, hits: Floats, keep_out_m: float) -> tupl
 
 
 def _components(hits: Floats, keep_out_m: float) -> Ints:
-    order, parent, gap = kernels.spanning_tree(hits, np.zeros(hits.shape[0]))
-    return kernels.cut_tree(order, parent, gap, 2.0 * keep_out_m)[0]
+    return kernels.join_overlapping(hits, np.full(hits.shape[0], keep_out_m))[0]

@@ -33,7 +33,17 @@ ARC_STEP_RAD = 0.05
 SLACK_M = 1e-3
 """What sampled curves may take from a keep-out."""
 
-FOUND, CLOSED, TOO_MANY, START_INSIDE, GOAL_INSIDE = 0, 1, 2, 3, 4
+FLOOD_FROM = 32
+"""With more active discs than this it pays to ask which discs the free space around start meets."""
+SQUARE_M = 0.25
+"""Least side of a square of the spatial index."""
+
+FOUND, CLOSED, TOO_MANY, START_INSIDE, GOAL_INSIDE, BEATEN = 0, 1, 2, 3, 4, 5
+
+Squares = tuple[Floats, Ints, Ints]
+"""A spatial index (`into_squares`): box, first, items."""
+Field = tuple[Floats, Floats, Ints, Mask, Squares]
+"""Discs made ready: centres, radii, component of each, sparse chain of each, index."""
 
 
 def kernel(function: Compiled) -> Compiled:
@@ -69,18 +79,124 @@ def clearance2(points: Floats, n: float, e: float) -> float:
     return best
 
 
+# ---------------------------------------------------------------- spatial index
+
+_ROW_COUNT, _COLUMN_COUNT, _WIDEST = 3, 4, 5
+
+
+@kernel
+def into_squares(points: Floats, widest: float) -> Squares:
+    """Points sorted into squares: (box, first, items), what lies near is found without the rest.
+
+    box: north and east of the corner, side, rows, columns, and `widest` (the largest radius of
+    the discs whose centres the points are). Square r * columns + c holds
+    items[first[square] : first[square + 1]], ascending: squares of a row follow each other.
+    Never many more squares than points, however far these are apart.
+    """
+    n = points.shape[0]
+    box = np.array([0.0, 0.0, SQUARE_M, 1.0, 1.0, widest])
+    if n == 0:
+        return box, np.zeros(2, dtype=np.int64), np.empty(0, dtype=np.int64)
+    box[0], box[1] = points[0, 0], points[0, 1]
+    high_n, high_e = points[0, 0], points[0, 1]
+    for k in range(1, n):
+        box[0], high_n = min(box[0], points[k, 0]), max(high_n, points[k, 0])
+        box[1], high_e = min(box[1], points[k, 1]), max(high_e, points[k, 1])
+    box[2] = max(SQUARE_M, max(high_n - box[0], high_e - box[1]) / (8.0 + 2.0 * math.sqrt(n)))
+    box[_ROW_COUNT] = float(int((high_n - box[0]) / box[2]) + 1)
+    box[_COLUMN_COUNT] = float(int((high_e - box[1]) / box[2]) + 1)
+    columns = int(box[_COLUMN_COUNT])
+    first = np.zeros(int(box[_ROW_COUNT]) * columns + 1, dtype=np.int64)
+    square = np.empty(n, dtype=np.int64)
+    for k in range(n):
+        row, column = int((points[k, 0] - box[0]) / box[2]), int((points[k, 1] - box[1]) / box[2])
+        square[k] = row * columns + column
+        first[square[k] + 1] += 1
+    for q in range(1, first.shape[0]):
+        first[q] += first[q - 1]
+    items = np.empty(n, dtype=np.int64)
+    for k in range(n - 1, -1, -1):
+        # Backwards over the ends of the squares: what is left in `first` are their beginnings.
+        first[square[k] + 1] -= 1
+        items[first[square[k] + 1]] = k
+    for q in range(first.shape[0] - 1):
+        first[q] = first[q + 1]
+    first[-1] = n
+    return box, first, items
+
+
+@kernel
+def _strip(low: float, high: float, origin: float, side: float, count: float) -> tuple[int, int]:
+    """First and last row (or column) of squares that a strip meets; 0, -1: none."""
+    bottom, top = (low - origin) / side, (high - origin) / side
+    if not (top >= 0.0 and bottom < count):
+        return 0, -1
+    return int(max(bottom, 0.0)), int(min(top, count - 1.0))
+
+
+@kernel
+def _columns_of(
+    box: Floats, row: int, reach: float, an: float, ae: float, bn: float, be: float
+) -> tuple[int, int]:
+    """First and last column of a row of squares within `reach` of the segment a-b; 0, -1: none."""
+    begin, end = 0.0, 1.0
+    if abs(bn - an) > 1e-9:
+        low = (box[0] + row * box[2] - reach - 1e-9 - an) / (bn - an)
+        high = (box[0] + (row + 1) * box[2] + reach + 1e-9 - an) / (bn - an)
+        begin, end = max(0.0, min(low, high)), min(1.0, max(low, high))
+        if begin > end:
+            return 0, -1
+    east, on = ae + begin * (be - ae), ae + end * (be - ae)
+    return _strip(
+        min(east, on) - reach - 1e-9, max(east, on) + reach + 1e-9, box[1], box[2], box[4]
+    )
+
+
+@kernel
+def points_near(points: Floats, squares: Squares, n: float, e: float, within: float) -> Ints:
+    """Numbers of the points nearer than `within` to (n, e), square by square."""
+    box, first, items = squares
+    bottom, top = _strip(n - within, n + within, box[0], box[2], box[_ROW_COUNT])
+    left, right = _strip(e - within, e + within, box[1], box[2], box[_COLUMN_COUNT])
+    columns = int(box[_COLUMN_COUNT])
+    found = np.empty(16, dtype=np.int64)
+    count = 0
+    for r in range(bottom, top + 1):
+        for j in range(first[r * columns + left], first[r * columns + right + 1]):
+            k = items[j]
+            dn, de = points[k, 0] - n, points[k, 1] - e
+            if dn * dn + de * de < within * within:
+                if count == found.shape[0]:
+                    more = np.empty(2 * count, dtype=np.int64)
+                    more[:count] = found
+                    found = more
+                found[count] = k
+                count += 1
+    return found[:count]
+
+
 @kernel
 def segment_is_free(
-    points: Floats, keep_out: float, an: float, ae: float, bn: float, be: float
+    points: Floats,
+    squares: Squares,
+    keep_out: float,
+    an: float,
+    ae: float,
+    bn: float,
+    be: float,
 ) -> bool:
     """True when every one of `points` is at least `keep_out` from the segment a-b."""
-    low_n, high_n = min(an, bn) - keep_out, max(an, bn) + keep_out
-    low_e, high_e = min(ae, be) - keep_out, max(ae, be) + keep_out
+    box, first, items = squares
     limit = keep_out * keep_out
-    for k in range(points.shape[0]):
-        n, e = points[k, 0], points[k, 1]
-        if low_n < n < high_n and low_e < e < high_e:  # noqa: SIM102 - the hot loop
-            if segment_distance2(n, e, an, ae, bn, be) < limit:
+    columns = int(box[_COLUMN_COUNT])
+    bottom, top = _strip(
+        min(an, bn) - keep_out, max(an, bn) + keep_out, box[0], box[2], box[_ROW_COUNT]
+    )
+    for r in range(bottom, top + 1):
+        left, right = _columns_of(box, r, keep_out, an, ae, bn, be)
+        for j in range(first[r * columns + left], first[r * columns + right + 1]):
+            k = items[j]
+            if segment_distance2(points[k, 0], points[k, 1], an, ae, bn, be) < limit:
                 return False
     return True
 
@@ -97,11 +213,11 @@ def path_clearance(path: Floats, points: Floats) -> float:
 
 
 @kernel
-def path_is_free(path: Floats, points: Floats, keep_out: float) -> bool:
+def path_is_free(path: Floats, points: Floats, squares: Squares, keep_out: float) -> bool:
     """True when the polyline keeps `keep_out` from all points."""
     for i in range(path.shape[0] - 1):
         if not segment_is_free(
-            points, keep_out, path[i, 0], path[i, 1], path[i + 1, 0], path[i + 1, 1]
+            points, squares, keep_out, path[i, 0], path[i, 1], path[i + 1, 0], path[i + 1, 1]
         ):
             return False
     return True
@@ -179,18 +295,18 @@ def first_violation(path: Floats, points: Floats, keep_out: float) -> tuple[int,
 
 
 @kernel
-def spanning_tree(centres: Floats, radii: Floats) -> tuple[Ints, Ints, Floats]:
-    """Minimum spanning tree of the gaps between discs (Prim): (order, parent, gap).
+def spanning_tree(points: Floats) -> tuple[Ints, Ints, Floats]:
+    """Minimum spanning tree of points (Prim): (order, parent, gap).
 
-    `order` lists the discs as they joined, `parent[i]` is the disc that i joined (-1 for the
-    first), `gap[i]` the distance between their circles (negative: they overlap).
+    `order` lists the points as they joined, `parent[i]` is the one that i joined (-1 for the
+    first), `gap[i]` the distance between them.
     """
-    n = centres.shape[0]
+    n = points.shape[0]
     order = np.empty(n, dtype=np.int64)
     parent = np.full(n, -1, dtype=np.int64)
     gap = np.full(n, np.inf)
     # Those still open lie side by side, so that the first of the two loops is vectorised.
-    north, east, own = centres[:, 0].copy(), centres[:, 1].copy(), radii.copy()
+    north, east = points[:, 0].copy(), points[:, 1].copy()
     ids = np.arange(n)
     near = np.full(n, np.inf)
     by = np.full(n, -1, dtype=np.int64)
@@ -199,13 +315,13 @@ def spanning_tree(centres: Floats, radii: Floats) -> tuple[Ints, Ints, Floats]:
         i = ids[at]
         order[n - 1 - left] = i
         parent[i], gap[i] = by[at], near[at]
-        cn, ce, r = north[at], east[at], own[at]
+        cn, ce = north[at], east[at]
         # The chosen one leaves: the last one takes its place.
-        north[at], east[at], own[at] = north[left], east[left], own[left]
+        north[at], east[at] = north[left], east[left]
         ids[at], near[at], by[at] = ids[left], near[left], by[left]
         for k in range(left):
             dn, de = north[k] - cn, east[k] - ce
-            w = math.sqrt(dn * dn + de * de) - r - own[k]
+            w = math.sqrt(dn * dn + de * de)
             closer = w < near[k]
             near[k] = w if closer else near[k]
             by[k] = i if closer else by[k]
@@ -365,8 +481,10 @@ def join_overlapping(centres: Floats, radii: Floats) -> tuple[Ints, Mask]:
 
 
 @kernel
-def _turn(o: Floats, a: Floats, b: Floats) -> float:
-    return float((a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]))
+def _turn(points: Floats, o: int, a: int, b: int) -> float:
+    on, oe = points[o, 0], points[o, 1]
+    an, ae = points[a, 0] - on, points[a, 1] - oe
+    return float(an * (points[b, 1] - oe) - ae * (points[b, 0] - on))
 
 
 @kernel
@@ -389,16 +507,14 @@ def convex_hull(points: Floats) -> Ints:
     hull = np.empty(2 * n + 1, dtype=np.int64)
     size = 0
     for i in by_north:
-        while size >= 2 and _turn(points[hull[size - 2]], points[hull[size - 1]], points[i]) <= 0:
+        while size >= 2 and _turn(points, hull[size - 2], hull[size - 1], i) <= 0:
             size -= 1
         hull[size] = i
         size += 1
     lower = size + 1
     for at in range(n - 2, -1, -1):
         i = by_north[at]
-        while (
-            size >= lower and _turn(points[hull[size - 2]], points[hull[size - 1]], points[i]) <= 0
-        ):
+        while size >= lower and _turn(points, hull[size - 2], hull[size - 1], i) <= 0:
             size -= 1
         hull[size] = i
         size += 1
@@ -475,6 +591,8 @@ def describe(points: Floats, members: Ints) -> tuple[Ints, float, float, float, 
 
     linearity = 1 - l2 / l1 with l1 >= l2 the variances along the principal axes; 0 for one point.
     """
+    if members.shape[0] == 1:
+        return members, points[members[0], 0], points[members[0], 1], 0.0, 0.0
     own = points[members]
     hull = convex_hull(own)
     north, east, radius = enclosing_circle(own[hull])
@@ -491,6 +609,64 @@ def describe(points: Floats, members: Ints) -> tuple[Ints, float, float, float, 
     if half + spread > 0.0:
         linearity = min(1.0, max(0.0, 1.0 - (half - spread) / (half + spread)))
     return members[hull], north, east, radius, linearity
+
+
+@kernel
+def by_label(labels: Ints, count: int) -> tuple[Ints, Ints]:
+    """(members, first): component c is members[first[c] : first[c + 1]], ascending."""
+    first = np.zeros(count + 1, dtype=np.int64)
+    for k in range(labels.shape[0]):
+        first[labels[k] + 1] += 1
+    for c in range(count):
+        first[c + 1] += first[c]
+    at = first[:count].copy()
+    members = np.empty(labels.shape[0], dtype=np.int64)
+    for k in range(labels.shape[0]):
+        members[at[labels[k]]] = k
+        at[labels[k]] += 1
+    return members, first
+
+
+@kernel
+def outlines(points: Floats, members: Ints, first: Ints) -> tuple[Ints, Ints, Floats]:
+    """Convex hulls and enclosing circles of all components: (hulls, first corner of each, rows).
+
+    Component c has the corners hulls[corner[c] : corner[c + 1]] (numbers of points, north to east)
+    and the row (circle's north, east, radius, linearity).
+    """
+    count = first.shape[0] - 1
+    hulls = np.empty(members.shape[0], dtype=np.int64)
+    corner = np.zeros(count + 1, dtype=np.int64)
+    rows = np.empty((count, 4))
+    size = 0
+    for c in range(count):
+        hull, north, east, radius, linearity = describe(points, members[first[c] : first[c + 1]])
+        for k in hull:
+            hulls[size] = k
+            size += 1
+        rows[c, 0], rows[c, 1], rows[c, 2], rows[c, 3] = north, east, radius, linearity
+        corner[c + 1] = size
+    return hulls[:size], corner, rows
+
+
+@kernel
+def regularities_and_deaths(
+    parent: Ints, edges: Floats, labels: Ints, members: Ints, first: Ints, threshold: float
+) -> Floats:
+    """Per component (regularity, death radius) from the spanning tree of all points.
+
+    Death: half of the shortest edge to another component, inf when there is none.
+    """
+    count = first.shape[0] - 1
+    rows = np.empty((count, 2))
+    for c in range(count):
+        rows[c, 0] = regularity(edges, members[first[c] : first[c + 1]], threshold)
+        rows[c, 1] = np.inf
+    for k in range(labels.shape[0]):
+        if edges[k] >= threshold and parent[k] >= 0:
+            for c in (labels[k], labels[parent[k]]):
+                rows[c, 1] = min(rows[c, 1], 0.5 * edges[k])
+    return rows
 
 
 # ---------------------------------------------------------------- tangent graph
@@ -763,9 +939,18 @@ def _lay_all(
 
 @kernel
 def solve_tangents(
-    circles: Floats, planes: Floats, turn: int, side: int, table: Floats, state: Mask, came: Ints
-) -> tuple[bool, Ints]:
-    """Shortest path over common tangents and arcs: (found, chain of directed tangents).
+    circles: Floats,
+    planes: Floats,
+    turn: int,
+    side: int,
+    table: Floats,
+    state: Mask,
+    came: Ints,
+    limit_m: float,
+) -> tuple[int, Ints]:
+    """Shortest path over common tangents and arcs: (status, chain of directed tangents).
+
+    FOUND; CLOSED, there is none; BEATEN, there is none shorter than `limit_m`.
 
     circles: rows (north, east, radius); row 0 is the start and row 1 the goal, radius 0.
     planes: rows (a, b, c): a path stays where a n + b e >= c (convex fence), may be empty.
@@ -784,6 +969,8 @@ def solve_tangents(
     while queue[2] > 0:
         keys, items, size = queue
         edge = items[0]
+        if keys[0] >= limit_m:
+            return BEATEN, np.empty(0, dtype=np.int64)
         _sift_down(keys, items, size - 1)
         queue = (keys, items, size - 1)
         if state[edge] == 2:
@@ -800,13 +987,13 @@ def solve_tangents(
             continue
         row[_FREE] = circles.shape[0]
         if o == 2:
-            return True, _chain(came, edge)
+            return FOUND, _chain(came, edge)
         reach = _reach(bars, bar_counts, i, -1.0 if o & 1 else 1.0, at_rad)
         _remember(arrivals, arrival_counts, o, at_rad, cost, reach)
         queue = _lay_all(
             circles, o, at_rad, cost, reach, edge, turn, side, table, state, came, queue
         )
-    return False, np.empty(0, dtype=np.int64)
+    return CLOSED, np.empty(0, dtype=np.int64)
 
 
 @kernel
@@ -911,111 +1098,305 @@ def _activate(active: Ints, flags: Mask, count: int, k: int) -> int:
 
 
 @kernel
-def _add_cut_discs(
-    rows: Floats,
-    centres: Floats,
-    radii: Floats,
-    labels: Ints,
-    chain: Mask,
-    active: Ints,
-    flags: Mask,
-    count: int,
+def _note_cut(
+    row: Floats, field: Field, k: int, slot: Ints, found: Ints, depths: Floats, count: int
 ) -> int:
-    """Activate, per row and component that it cuts, the deepest disc and the chain around it."""
-    components = labels.max() + 1 if labels.shape[0] > 0 else 0
-    deepest = np.empty(components)
-    who = np.empty(components, dtype=np.int64)
-    widest = radii.max() if radii.shape[0] > 0 else 0.0
-    for c in range(rows.shape[0]):
-        deepest[:] = CUT_M
-        who[:] = -1
-        cut = False
-        box = _box_of(rows[c], radii, widest)
-        for k in range(centres.shape[0]):
-            n, e = centres[k, 0], centres[k, 1]
-            if flags[k] == 0 and box[0] < n < box[1] and box[2] < e < box[3]:
-                depth = _depth(rows[c], centres, radii, k)
-                if depth > deepest[labels[k]]:
-                    deepest[labels[k]] = depth
-                    who[labels[k]] = k
-                    cut = True
-        if not cut:
-            continue
-        for label in range(components):
-            if who[label] >= 0:
-                count = _activate(active, flags, count, who[label])
-        for k in range(centres.shape[0]):
-            w = who[labels[k]]
-            if chain[k] == 1 and w >= 0 and flags[k] == 0:
-                away = math.hypot(centres[k, 0] - centres[w, 0], centres[k, 1] - centres[w, 1])
-                if away < CHAIN_M:
-                    count = _activate(active, flags, count, k)
+    """Note disc k where the row cuts it deeper than the discs of its component so far."""
+    centres, radii, labels, _, _ = field
+    depth = _depth(row, centres, radii, k)
+    if depth <= CUT_M:
+        return count
+    at = slot[labels[k]]
+    if at < 0:
+        slot[labels[k]] = count
+        found[count], depths[count] = k, depth
+        return count + 1
+    if depth > depths[at]:
+        found[at], depths[at] = k, depth
     return count
 
 
 @kernel
-def _inside_which(centres: Floats, radii: Floats, n: float, e: float) -> int:
-    for k in range(centres.shape[0]):
-        if math.hypot(centres[k, 0] - n, centres[k, 1] - e) < radii[k] - TOUCH_M:
-            return k
-    return -1
+def _deepest_cuts(
+    row: Floats, field: Field, flags: Mask, slot: Ints, found: Ints, depths: Floats
+) -> int:
+    """Per component that a row of the path cuts its deepest unflagged disc, in `found`; how many.
+
+    `slot` has a place for every component, -1 before and after.
+    """
+    _, radii, labels, _, squares = field
+    box, first, items = squares
+    columns, widest = int(box[_COLUMN_COUNT]), box[_WIDEST]
+    around = _box_of(row, radii, widest)
+    bottom, top = _strip(around[0], around[1], box[0], box[2], box[_ROW_COUNT])
+    left, right = _strip(around[2], around[3], box[1], box[2], box[_COLUMN_COUNT])
+    count = 0
+    for r in range(bottom, top + 1):
+        if row[ROW_DISC] < 0.0:
+            left, right = _columns_of(box, r, widest, row[0], row[1], row[2], row[3])
+        for j in range(first[r * columns + left], first[r * columns + right + 1]):
+            if flags[items[j]] == 0:
+                count = _note_cut(row, field, items[j], slot, found, depths, count)
+    for at in range(count):
+        slot[labels[found[at]]] = -1
+    return count
+
+
+@kernel
+def _add_chain(w: int, field: Field, active: Ints, flags: Mask, count: int) -> int:
+    """Activate the chain of disc w's component within CHAIN_M of it."""
+    centres, _, labels, chain, squares = field
+    for k in points_near(centres, squares, centres[w, 0], centres[w, 1], CHAIN_M):
+        if chain[k] == 1 and labels[k] == labels[w]:
+            count = _activate(active, flags, count, k)
+    return count
+
+
+@kernel
+def _inside_which(field: Field, n: float, e: float) -> int:
+    """The first disc that holds (n, e), -1: none."""
+    centres, radii, _, _, squares = field
+    which = -1
+    for k in points_near(centres, squares, n, e, squares[0][_WIDEST]):
+        inside = math.hypot(centres[k, 0] - n, centres[k, 1] - e) < radii[k] - TOUCH_M
+        if inside and (which < 0 or k < which):
+            which = k
+    return which
+
+
+@kernel
+def _buried(ends: Floats, field: Field, active: Ints) -> int:
+    """FOUND, or which end lies in a disc: that is then the first active one."""
+    for end in range(2):
+        active[0] = _inside_which(field, ends[end, 0], ends[end, 1])
+        if active[0] >= 0:
+            return START_INSIDE if end == 0 else GOAL_INSIDE
+    return FOUND
+
+
+@kernel
+def _window(ends: Floats, field: Field, active: Ints) -> tuple[Floats, Ints]:
+    """A grid over start, goal and the active discs, with a free rim: (box, shape)."""
+    centres, radii = field[0], field[1]
+    low_n, high_n = min(ends[0, 0], ends[1, 0]), max(ends[0, 0], ends[1, 0])
+    low_e, high_e = min(ends[0, 1], ends[1, 1]), max(ends[0, 1], ends[1, 1])
+    least = np.inf
+    for k in active:
+        r = radii[k]
+        least = min(least, r)
+        low_n, high_n = min(low_n, centres[k, 0] - r), max(high_n, centres[k, 0] + r)
+        low_e, high_e = min(low_e, centres[k, 1] - r), max(high_e, centres[k, 1] + r)
+    cell = max(0.25 * least, max(high_n - low_n, high_e - low_e) / 160.0)
+    box = np.array([low_n - 2.0 * cell, low_e - 2.0 * cell, cell])
+    shape = np.empty(2, dtype=np.int64)
+    shape[0] = int((high_n - box[0]) / cell) + 3
+    shape[1] = int((high_e - box[1]) / cell) + 3
+    return box, shape
+
+
+@kernel
+def _covered(field: Field, box: Floats, shape: Ints) -> tuple[Mask, Ints]:
+    """(1 where a cell lies wholly inside one disc, numbers of the discs that reach the grid)."""
+    centres, radii, _, _, squares = field
+    widest, cell = squares[0][_WIDEST], box[2]
+    covered = np.zeros((shape[0], shape[1]), dtype=np.uint8)
+    middle_n, middle_e = box[0] + 0.5 * shape[0] * cell, box[1] + 0.5 * shape[1] * cell
+    within = 0.5 * math.hypot(shape[0] * cell, shape[1] * cell) + widest
+    near = points_near(centres, squares, middle_n, middle_e, within)
+    for k in near:
+        inner = radii[k] - 0.7072 * cell
+        n, e = centres[k, 0] - box[0], centres[k, 1] - box[1]
+        if inner <= 0.0:
+            continue
+        bottom, top = _strip(n - inner, n + inner, 0.0, cell, float(shape[0]))
+        for r in range(bottom, top + 1):
+            dn = (r + 0.5) * cell - n
+            half2 = inner * inner - dn * dn
+            if half2 <= 0.0:
+                continue
+            # Columns whose centres are nearer than `inner`: no root per cell.
+            half = math.sqrt(half2)
+            left, right = _strip(
+                e - half - 0.5 * cell, e + half - 0.5 * cell, 0.0, cell, float(shape[1])
+            )
+            for c in range(left, right + 1):
+                de = (c + 0.5) * cell - e
+                if de * de < half2:
+                    covered[r, c] = 1
+    return covered, near
+
+
+@kernel
+def _spread(covered: Mask, row: int, column: int) -> Mask:
+    """2 where the uncovered cells are joined (8 neighbours) to the given one; 1: covered."""
+    rows, columns = covered.shape
+    stack = np.empty(rows * columns, dtype=np.int64)
+    stack[0] = row * columns + column
+    covered[row, column] = 2
+    size = 1
+    while size > 0:
+        size -= 1
+        r0, c0 = stack[size] // columns, stack[size] % columns
+        for r in range(max(0, r0 - 1), min(rows, r0 + 2)):
+            for c in range(max(0, c0 - 1), min(columns, c0 + 2)):
+                if covered[r, c] == 0:
+                    covered[r, c] = 2
+                    stack[size] = r * columns + c
+                    size += 1
+    return covered
+
+
+@kernel
+def _meets_free(around: Mask, box: Floats, n: float, e: float, radius: float) -> bool:
+    """True when a cell that the free space around start may fill lies within `radius` of (n, e)."""
+    cell = box[2]
+    reach = radius + 0.7072 * cell
+    bottom, top = _strip(n - reach, n + reach, box[0], cell, float(around.shape[0]))
+    left, right = _strip(e - reach, e + reach, box[1], cell, float(around.shape[1]))
+    for r in range(bottom, top + 1):
+        for c in range(left, right + 1):
+            if around[r, c] == 2:
+                dn, de = box[0] + (r + 0.5) * cell - n, box[1] + (c + 0.5) * cell - e
+                if dn * dn + de * de <= reach * reach:
+                    return True
+    return False
+
+
+@kernel
+def _set_aside(ends: Floats, field: Field, active: Ints, flags: Mask) -> tuple[int, Ints]:
+    """Flag with 2 the discs that the free space around start does not meet; (active, closing).
+
+    Its closure holds every path; a disc that is no part of its border is met by none. The space is
+    taken too large (only cells wholly inside one disc are left out), so none is set aside in error.
+    Where even that does not reach the goal, it is proven that there is no way: `closing` are the
+    discs of the border, else it is empty. Those set aside leave `active`, all others are unflagged.
+    """
+    centres, radii = field[0], field[1]
+    box, shape = _window(ends, field, active)
+    around, near = _covered(field, box, shape)
+    cell = box[2]
+    _spread(around, int((ends[0, 0] - box[0]) / cell), int((ends[0, 1] - box[1]) / cell))
+    parted = around[int((ends[1, 0] - box[0]) / cell), int((ends[1, 1] - box[1]) / cell)] != 2
+    flags[:] = 0
+    closing = np.empty(near.shape[0], dtype=np.int64)
+    count = 0
+    for k in near:
+        r = radii[k]
+        n, e = centres[k, 0] - box[0], centres[k, 1] - box[1]
+        inside = r < n < shape[0] * cell - r and r < e < shape[1] * cell - r
+        if inside and not _meets_free(around, box, centres[k, 0], centres[k, 1], r):
+            flags[k] = 2
+        elif parted:
+            closing[count] = k
+            count += 1
+    kept = 0
+    for k in active:
+        if flags[k] == 0:
+            flags[k] = 1
+            active[kept] = k
+            kept += 1
+    return kept, closing[:count]
+
+
+@kernel
+def _take_back(flags: Mask) -> bool:
+    """Unflag what was set aside; False when there was nothing."""
+    some = False
+    for k in range(flags.shape[0]):
+        if flags[k] == 2:
+            flags[k] = 0
+            some = True
+    return some
+
+
+@kernel
+def _circles_of(ends: Floats, field: Field, active: Ints) -> Floats:
+    """Start, goal and the active discs as rows (north, east, radius)."""
+    circles = np.zeros((active.shape[0] + 2, 3))
+    circles[0:2, 0:2] = ends
+    for a in range(active.shape[0]):
+        circles[a + 2, 0:2] = field[0][active[a]]
+        circles[a + 2, 2] = field[1][active[a]]
+    return circles
+
+
+@kernel
+def _add_cut_discs(
+    rows: Floats,
+    field: Field,
+    active: Ints,
+    flags: Mask,
+    count: int,
+    scratch: tuple[Ints, Ints, Floats],
+) -> int:
+    """Activate, per row and component that it cuts, the deepest disc and the chain around it."""
+    slot, found, depths = scratch
+    for c in range(rows.shape[0]):
+        cuts = _deepest_cuts(rows[c], field, flags, slot, found, depths)
+        for at in range(cuts):
+            count = _activate(active, flags, count, found[at])
+        for at in range(cuts):
+            count = _add_chain(found[at], field, active, flags, count)
+    return count
 
 
 @kernel
 def lazy_route(
     ends: Floats,
-    centres: Floats,
-    radii: Floats,
-    labels: Ints,
-    chain: Mask,
+    field: Field,
     planes: Floats,
     active_max: int,
+    seeds: Ints,
+    limit_m: float,
 ) -> tuple[int, Floats, Ints, int]:
     """Exact shortest path among discs by constraint generation: (status, rows, active, rounds).
 
-    ends: rows start and goal. labels: a component number per disc. The answer over the active discs
-    is the optimum of a relaxation: once it cuts no disc it is the optimum. What it cuts is added,
-    with the part of its component's `chain` (sparse_chain, may be all zeros) that lies around it.
-    CLOSED: not even the active discs leave a way, they are the certificate.
+    ends: rows start and goal. The answer over the active discs is the optimum of a relaxation:
+    once it cuts no disc it is the optimum. What it cuts is added, with the part of its component's
+    chain (sparse_chain, may be all zeros) that lies around it. `seeds` are active from the
+    beginning: those that decided a similar question save rounds and change no answer.
+    CLOSED: not even the active discs leave a way, they are the certificate. BEATEN: no path is
+    shorter than `limit_m`, which a relaxation has shown.
     """
-    n = centres.shape[0]
+    n = field[0].shape[0]
     none = np.empty((0, 6))
-    active = np.empty(active_max, dtype=np.int64)
-    if _inside_which(centres, radii, ends[0, 0], ends[0, 1]) >= 0:
-        active[0] = _inside_which(centres, radii, ends[0, 0], ends[0, 1])
-        return START_INSIDE, none, active[:1], 0
-    if _inside_which(centres, radii, ends[1, 0], ends[1, 1]) >= 0:
-        active[0] = _inside_which(centres, radii, ends[1, 0], ends[1, 1])
-        return GOAL_INSIDE, none, active[:1], 0
+    active = np.empty(max(active_max, 1), dtype=np.int64)
+    status = _buried(ends, field, active)
+    if status != FOUND:
+        return status, none, active[:1], 0
     flags = np.zeros(n, dtype=np.uint8)
-    rows = np.zeros((1, 6))
-    rows[0, 0:2] = ends[0]
-    rows[0, 2:4] = ends[1]
-    rows[0, ROW_DISC] = -1.0
-    count = 0
-    rounds = 0
-    side = 0
+    scratch = (np.full(n, -1, dtype=np.int64), np.empty(n, dtype=np.int64), np.empty(n))
+    rows = np.array([[ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1], -1.0, 0.0]])
+    count = rounds = side = solved = 0
+    for k in seeds:
+        count = _activate(active, flags, count, k)
+    asked = False
     table, state, came = _wider(0, rows, flags, 0)
     while True:
-        before = count
-        count = _add_cut_discs(rows, centres, radii, labels, chain, active, flags, count)
-        if count == before:
-            return FOUND, rows, active[:count], rounds
+        if solved > 0 or count == 0:
+            count = _add_cut_discs(rows, field, active, flags, count, scratch)
+            if count == solved and not (asked and _take_back(flags)):
+                return FOUND, rows, active[:count], rounds
+            if count == solved:
+                continue
+        if count > FLOOD_FROM and not asked:
+            asked = True
+            count, closing = _set_aside(ends, field, active[:count], flags)
+            if closing.shape[0] > 0:
+                return CLOSED, none, closing, rounds
+            side = 0
+            table, state, came = _wider(0, rows, flags, 0)
         if count > active_max:
             return TOO_MANY, none, active, rounds
+        solved = count
         rounds += 1
-        circles = np.zeros((count + 2, 3))
-        circles[0:2, 0:2] = ends
-        for a in range(count):
-            circles[a + 2, 0:2] = centres[active[a]]
-            circles[a + 2, 2] = radii[active[a]]
+        circles = _circles_of(ends, field, active[:count])
         if 2 * circles.shape[0] > side:
-            room = 3 * circles.shape[0]
-            table, state, came = _wider(side, table, state, room)
-            side = room
-        found, path = solve_tangents(circles, planes, rounds, side, table, state, came)
-        if not found:
-            return CLOSED, none, active[:count], rounds
+            table, state, came = _wider(side, table, state, 3 * circles.shape[0])
+            side = 3 * circles.shape[0]
+        status, path = solve_tangents(circles, planes, rounds, side, table, state, came, limit_m)
+        if status != FOUND:
+            return status, none, active[:count], rounds
         rows = _rows(path, side, table, circles, active)
 
 
@@ -1027,14 +1408,20 @@ def route_from_scratch(
 
     Components are not looked for when the straight way is free.
     """
-    labels = np.zeros(centres.shape[0], dtype=np.int64)
-    chain = np.zeros(centres.shape[0], dtype=np.uint8)
+    n = centres.shape[0]
+    labels = np.zeros(n, dtype=np.int64)
+    chain = np.zeros(n, dtype=np.uint8)
     row = np.array([ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1], -1.0, 0.0])
-    for k in range(centres.shape[0]):
-        if _depth(row, centres, radii, k) > CUT_M:
-            labels, chain = join_overlapping(centres, radii)
-            break
-    return lazy_route(ends, centres, radii, labels, chain, planes, active_max)
+    widest = 0.0
+    barred = False
+    for k in range(n):
+        widest = max(widest, radii[k])
+        barred = barred or _depth(row, centres, radii, k) > CUT_M
+    if barred:
+        labels, chain = join_overlapping(centres, radii)
+    field = (centres, radii, labels, chain, into_squares(centres, widest))
+    none = np.empty(0, dtype=np.int64)
+    return lazy_route(ends, field, planes, active_max, none, np.inf)
 
 
 # ---------------------------------------------------------------- out of the keep-out
@@ -1056,6 +1443,16 @@ def _never_nearer(
 
 
 @kernel
+def _is_clear(points: Floats, keep_out: float, n: float, e: float) -> bool:
+    """True when every one of `points` is at least `keep_out` from (n, e)."""
+    for k in range(points.shape[0]):
+        dn, de = points[k, 0] - n, points[k, 1] - e
+        if dn * dn + de * de < keep_out * keep_out:
+            return False
+    return True
+
+
+@kernel
 def _better_exit(
     best: Floats,
     near: Floats,
@@ -1068,7 +1465,7 @@ def _better_exit(
 ) -> None:
     """Take (cn, ce) into `best` = (n, e, distance) when it is free and nearer."""
     d = math.hypot(cn - n, ce - e)
-    if d >= best[2] or clearance2(near, cn, ce) < keep_out * keep_out:
+    if d >= best[2] or not _is_clear(near, keep_out, cn, ce):
         return
     if careful == 1 and not _never_nearer(near, keep_out, n, e, cn, ce):
         return
@@ -1076,8 +1473,40 @@ def _better_exit(
 
 
 @kernel
+def _try_crossings(
+    best: Floats, near: Floats, away: Floats, keep_out: float, n: float, e: float, careful: int
+) -> None:
+    """Take the nearest place where two keep-out circles meet into `best`.
+
+    `away`: distances of `near` from (n, e), ascending. Only circles that pass through the disc of
+    radius best[2] around (n, e) meet inside it.
+    """
+    radius = keep_out + CUT_M
+    for i in range(near.shape[0]):
+        if away[i] - radius >= best[2]:
+            return
+        if radius - away[i] >= best[2]:
+            continue
+        for k in range(i):
+            dn, de = near[k, 0] - near[i, 0], near[k, 1] - near[i, 1]
+            half2 = 0.25 * (dn * dn + de * de)
+            if radius - away[k] >= best[2] or half2 < 1e-18 or half2 > radius * radius:
+                continue
+            h = math.sqrt((radius * radius - half2) / (4.0 * half2))
+            mn, me = near[i, 0] + 0.5 * dn, near[i, 1] + 0.5 * de
+            _better_exit(best, near, keep_out, n, e, mn - h * de, me + h * dn, careful)
+            _better_exit(best, near, keep_out, n, e, mn + h * de, me - h * dn, careful)
+
+
+@kernel
 def nearest_exit(
-    points: Floats, keep_out: float, n: float, e: float, within: float, careful: int
+    points: Floats,
+    squares: Squares,
+    keep_out: float,
+    n: float,
+    e: float,
+    within: float,
+    careful: int,
 ) -> tuple[bool, float, float]:
     """The nearest place within `within` of (n, e) that is `keep_out` from all points, exactly.
 
@@ -1085,38 +1514,20 @@ def nearest_exit(
     the straight way there approaches no point that is nearer than the keep-out.
     """
     radius = keep_out + CUT_M
-    chosen = np.empty(points.shape[0], dtype=np.int64)
-    count = 0
-    for k in range(points.shape[0]):
-        if math.hypot(points[k, 0] - n, points[k, 1] - e) < radius + within:
-            chosen[count] = k
-            count += 1
-    near = points[chosen[:count]]
+    near = points[points_near(points, squares, n, e, radius + within)]
+    away = np.empty(near.shape[0])
+    for k in range(near.shape[0]):
+        away[k] = math.hypot(near[k, 0] - n, near[k, 1] - e)
+    # The nearest first: they bar most of the places that are tried.
+    order = np.argsort(away, kind="mergesort")
+    near, away = near[order], away[order]
     best = np.array([n, e, within])
-    for i in range(count):
-        dn, de = n - near[i, 0], e - near[i, 1]
-        d = math.hypot(dn, de)
-        if d > 1e-9:
-            _better_exit(
-                best,
-                near,
-                keep_out,
-                n,
-                e,
-                near[i, 0] + dn / d * radius,
-                near[i, 1] + de / d * radius,
-                careful,
-            )
-    for i in range(count):
-        for k in range(i + 1, count):
-            dn, de = near[k, 0] - near[i, 0], near[k, 1] - near[i, 1]
-            half2 = 0.25 * (dn * dn + de * de)
-            if half2 < 1e-18 or half2 > radius * radius:
-                continue
-            h = math.sqrt((radius * radius - half2) / (4.0 * half2))
-            mn, me = near[i, 0] + 0.5 * dn, near[i, 1] + 0.5 * de
-            _better_exit(best, near, keep_out, n, e, mn - h * de, me + h * dn, careful)
-            _better_exit(best, near, keep_out, n, e, mn + h * de, me - h * dn, careful)
+    for i in range(near.shape[0]):
+        if away[i] > 1e-9:
+            out = radius / away[i]
+            cn, ce = near[i, 0] + (n - near[i, 0]) * out, near[i, 1] + (e - near[i, 1]) * out
+            _better_exit(best, near, keep_out, n, e, cn, ce, careful)
+    _try_crossings(best, near, away, keep_out, n, e, careful)
     return best[2] < within, best[0], best[1]
 
 
@@ -1191,7 +1602,14 @@ def _leaves(polygon: Floats, an: float, ae: float, bn: float, be: float) -> bool
 
 @kernel
 def in_sight(
-    points: Floats, keep_out: float, polygon: Floats, an: float, ae: float, bn: float, be: float
+    points: Floats,
+    squares: Squares,
+    keep_out: float,
+    polygon: Floats,
+    an: float,
+    ae: float,
+    bn: float,
+    be: float,
 ) -> bool:
     """True when the straight way a-b is free, checked against the points and the polygon's sides.
 
@@ -1199,12 +1617,19 @@ def in_sight(
     """
     if polygon.shape[0] > 0 and _leaves(polygon, an, ae, bn, be):
         return False
-    return segment_is_free(points, keep_out, an, ae, bn, be)
+    return segment_is_free(points, squares, keep_out, an, ae, bn, be)
 
 
 @kernel
 def _near_cells(
-    points: Floats, keep_out: float, sides: Floats, free: Mask, box: Floats, n: float, e: float
+    points: Floats,
+    squares: Squares,
+    keep_out: float,
+    sides: Floats,
+    free: Mask,
+    box: Floats,
+    n: float,
+    e: float,
 ) -> Ints:
     """The free cells around (n, e) whose centres can be reached straight."""
     rows, columns = free.shape
@@ -1215,7 +1640,7 @@ def _near_cells(
     for r in range(max(0, row - 4), min(rows, row + 5)):
         for c in range(max(0, column - 4), min(columns, column + 5)):
             cn, ce = box[0] + (r + 0.5) * cell, box[1] + (c + 0.5) * cell
-            if free[r, c] == 1 and in_sight(points, keep_out, sides, n, e, cn, ce):
+            if free[r, c] == 1 and in_sight(points, squares, keep_out, sides, n, e, cn, ce):
                 found[count] = r * columns + c
                 count += 1
     return found[:count]
@@ -1240,6 +1665,7 @@ def _best_neighbour(free: Mask, closed: Mask, place: Floats, cost: Floats, u: in
 @kernel
 def _settle(
     points: Floats,
+    squares: Squares,
     keep_out: float,
     sides: Floats,
     free: Mask,
@@ -1251,7 +1677,8 @@ def _settle(
 ) -> None:
     """Lazy Theta*: cell u was reached on credit; where its parent does not see it, re-parent."""
     p = parent[u]
-    if in_sight(points, keep_out, sides, place[p, 0], place[p, 1], place[u, 0], place[u, 1]):
+    pn, pe = place[p, 0], place[p, 1]
+    if in_sight(points, squares, keep_out, sides, pn, pe, place[u, 0], place[u, 1]):
         return
     v = _best_neighbour(free, closed, place, cost, u)
     if v < 0:
@@ -1295,7 +1722,13 @@ def _reach_cell(
 
 @kernel
 def grid_geodesic(
-    points: Floats, keep_out: float, sides: Floats, free: Mask, box: Floats, ends: Floats
+    points: Floats,
+    squares: Squares,
+    keep_out: float,
+    sides: Floats,
+    free: Mask,
+    box: Floats,
+    ends: Floats,
 ) -> tuple[bool, Floats, Mask]:
     """Any-angle shortest path over the free cells (Lazy Theta*): (found, path, reached cells).
 
@@ -1317,11 +1750,11 @@ def grid_geodesic(
     parent = np.full(total + 2, -1, dtype=np.int64)
     closed = np.zeros(total + 2, dtype=np.uint8)
     at_goal = np.zeros(total, dtype=np.uint8)
-    for u in _near_cells(points, keep_out, sides, free, box, ends[1, 0], ends[1, 1]):
+    for u in _near_cells(points, squares, keep_out, sides, free, box, ends[1, 0], ends[1, 1]):
         at_goal[u] = 1
     cost[start] = 0.0
     queue = (np.empty(1024), np.empty(1024, dtype=np.int64), 0)
-    for u in _near_cells(points, keep_out, sides, free, box, ends[0, 0], ends[0, 1]):
+    for u in _near_cells(points, squares, keep_out, sides, free, box, ends[0, 0], ends[0, 1]):
         queue = _reach_cell(u, start, place, cost, parent, queue)
     while queue[2] > 0:
         keys, items, size = queue
@@ -1332,12 +1765,12 @@ def grid_geodesic(
             return True, _trace(place, parent, goal), closed[:total].reshape(rows, columns)
         if closed[u] == 1:
             continue
-        _settle(points, keep_out, sides, free, closed, place, cost, parent, u)
+        _settle(points, squares, keep_out, sides, free, closed, place, cost, parent, u)
         closed[u] = 1
         p = parent[u]
         if at_goal[u] == 1:
             sees = in_sight(
-                points, keep_out, sides, place[p, 0], place[p, 1], ends[1, 0], ends[1, 1]
+                points, squares, keep_out, sides, place[p, 0], place[p, 1], ends[1, 0], ends[1, 1]
             )
             queue = _reach_cell(goal, p if sees else u, place, cost, parent, queue)
         row, column = u // columns, u % columns
@@ -1349,7 +1782,9 @@ def grid_geodesic(
 
 
 @kernel
-def pull_string(path: Floats, points: Floats, keep_out: float, sides: Floats) -> Floats:
+def pull_string(
+    path: Floats, points: Floats, squares: Squares, keep_out: float, sides: Floats
+) -> Floats:
     """The path without the corners that it does not need: from each to the farthest in sight."""
     kept = np.empty_like(path)
     kept[0] = path[0]
@@ -1359,7 +1794,7 @@ def pull_string(path: Floats, points: Floats, keep_out: float, sides: Floats) ->
     while at < last:
         far = last
         while far > at + 1 and not in_sight(
-            points, keep_out, sides, path[at, 0], path[at, 1], path[far, 0], path[far, 1]
+            points, squares, keep_out, sides, path[at, 0], path[at, 1], path[far, 0], path[far, 1]
         ):
             far -= 1
         kept[count] = path[far]

@@ -14,29 +14,16 @@ import numpy as np
 
 from autonomy.config import PlannerConfig
 from autonomy.geometry import Point, distance, polyline_length
-from autonomy.model import (
-    Environment,
-    Leg,
-    LegKind,
-    NoPlan,
-    ObstacleKind,
-    Plan,
-)
+from autonomy.model import Leg, LegKind, NoPlan, Plan
 from autonomy.t3drm import kernels, ricci
-from autonomy.t3drm.classification import (
-    Linkage,
-    Shape,
-    environment_of,
-    kind_of,
-    obstacles_of,
-    shapes_of,
-)
 from autonomy.t3drm.geodesic import Closed, closing_hits, geodesic
 from autonomy.t3drm.hyperbolic import FlyBy, fly_by, inside_hull
-from autonomy.t3drm.kernels import Floats, Ints
+from autonomy.t3drm.kernels import Floats, Ints, Mask
+from autonomy.t3drm.known_map import KnownMap, Level
 from autonomy.t3drm.spherical import (
     ACTIVE_MAX,
     NO_PLANES,
+    NO_SEEDS,
     Arc,
     Discs,
     NoRoute,
@@ -73,6 +60,7 @@ class Failure(StrEnum):
     BOXED_IN = "the way out of the keep-out around the start is barred"
     GOAL_BLOCKED = "the goal lies inside the keep-out of an obstacle"
     CLOSED = "obstacles close every way to the goal"
+    BEATEN = "no path at this level is cheaper than the best of another"
 
 
 class Scene(msgspec.Struct, frozen=True):
@@ -80,27 +68,45 @@ class Scene(msgspec.Struct, frozen=True):
 
     start: Point
     goal: Point
-    hits: Floats
-    linkage: Linkage
+    known: KnownMap
     tolerance_m: float
 
+    @property
+    def hits(self) -> Floats:
+        """(n, 2) rows (north, east)."""
+        return self.known.hits
 
-class Level(msgspec.Struct, frozen=True):
-    """The hits as obstacles at one keep-out radius."""
+
+class Rung(msgspec.Struct, frozen=True):
+    """One level of the flow in one question, with what the levels before it have shown."""
 
     keep_out_m: float
-    labels: Ints
-    shapes: tuple[Shape, ...]
-    kinds: tuple[ObstacleKind, ...]
+    factor: float
+    """What the length costs at this level."""
+    limit_m: float = math.inf
+    """A path that is not shorter than this costs more than the best one so far."""
+    seeds: Ints = NO_SEEDS
+    """The hits that decided the level before: they save rounds."""
 
 
 class Candidate(msgspec.Struct, frozen=True):
     """A path at one level."""
 
     legs: tuple[Leg, ...]
-    level: Level
+    keep_out_m: float
     cost_m: float
     rejected: tuple[tuple[Point, ...], ...] = ()
+    decided_by: Ints = NO_SEEDS
+
+
+class Inner(msgspec.Struct, frozen=True):
+    """Legs from a free start to a free goal, the candidates that they replaced, and the hits that
+    decided them.
+    """
+
+    legs: tuple[Leg, ...]
+    rejected: tuple[tuple[Point, ...], ...] = ()
+    decided_by: Ints = NO_SEEDS
 
 
 def violated(points: Floats, hits: Floats, keep_out_m: float) -> Violation | None:
@@ -122,7 +128,8 @@ def violated(points: Floats, hits: Floats, keep_out_m: float) -> Violation | Non
 class Planner:
     """Plans in the horizontal plane for a vehicle of the given radius inside the fence.
 
-    Stateless between calls: the same arguments give the same plan, bit for bit.
+    The same arguments give the same plan, bit for bit, whatever was asked before. What is found
+    out about the hits alone is kept until others come: a second plan on the same map is quicker.
     """
 
     def __init__(self, config: PlannerConfig, body_radius_m: float, fence: Fence) -> None:
@@ -138,6 +145,7 @@ class Planner:
         self._convex = planes is not None
         self._planes = NO_PLANES if planes is None else planes
         self._sides = np.empty((0, 2)) if self._convex else self._polygon
+        self._known: KnownMap | None = None
 
     def plan(
         self, start: Point, goal: Point, hits: Floats, tolerance_m: float = 0.0
@@ -149,9 +157,7 @@ class Planner:
         the start keeps less, and says how much. A goal inside a keep-out is replaced by the
         nearest free place within `tolerance_m` of it.
         """
-        # A copy, because a read-only array is another type to numba: it would compile in flight.
-        points = np.array(hits, dtype=np.float64).reshape(-1, 2)
-        scene = Scene(start, goal, points, Linkage.of(points), tolerance_m)
+        scene = Scene(start, goal, self._known_map(hits), tolerance_m)
         if self.fence.inside_distance_m(*goal) < 0.0:
             return self._no_plan(scene, "the goal lies outside the fence", ())
         best: Candidate | None = None
@@ -162,7 +168,9 @@ class Planner:
             least = max(0.0, distance(start, goal) - tolerance_m)
             if best is not None and best.cost_m <= factor * least:
                 break
-            found = self._solve(scene, self._level(scene, keep_out), factor)
+            limit = math.inf if best is None else best.cost_m / factor
+            seeds = NO_SEEDS if best is None else best.decided_by
+            found = self._solve(scene, Rung(keep_out, factor, limit, seeds))
             if isinstance(found, Failure):
                 failure = found
                 continue
@@ -176,48 +184,59 @@ class Planner:
 
     # ------------------------------------------------------------ one level
 
-    def _level(self, scene: Scene, keep_out_m: float) -> Level:
-        labels, count = scene.linkage.labels(keep_out_m)
-        shapes = shapes_of(scene.linkage, labels, count)
-        return Level(keep_out_m, labels, shapes, tuple(kind_of(s, self.config) for s in shapes))
+    def _known_map(self, hits: Floats) -> KnownMap:
+        """What is known about these hits; made anew when they are others than before."""
+        if self._known is None or not self._known.is_of(hits):
+            self._known = KnownMap(hits, self.config)
+        return self._known
 
-    def _solve(self, scene: Scene, level: Level, factor: float) -> Candidate | Failure:
-        """The path at one level; its cost is the length times `factor`."""
-        start = self._departure(scene, level.keep_out_m)
+    def forget(self) -> None:
+        """Let go of what was found out about the last map; the next plan begins cold."""
+        self._known = None
+
+    def _solve(self, scene: Scene, rung: Rung) -> Candidate | Failure:
+        """The path at one level; its cost is its length times the level's factor."""
+        keep_out = rung.keep_out_m
+        start = self._departure(scene, keep_out)
         if start is None:
             return Failure.BOXED_IN
-        goal = self._arrival(scene, level.keep_out_m)
+        goal = self._arrival(scene, keep_out)
         if goal is None:
             return Failure.GOAL_BLOCKED
-        inner = self._between(scene, level, start, goal)
+        out_m = distance(scene.start, start)
+        inner = self._between(
+            scene, msgspec.structs.replace(rung, limit_m=rung.limit_m - out_m), start, goal
+        )
         if isinstance(inner, Failure):
             return inner
-        legs, rejected = inner
+        legs = inner.legs
         if start != scene.start:
             out = (scene.start, start)
-            nearest = math.sqrt(kernels.clearance2(scene.hits, *scene.start))
-            kept = min(level.keep_out_m, nearest)
-            legs = (Leg(LegKind.STRAIGHT, out, distance(*out), kept), *legs)
-        return Candidate(legs, level, factor * sum(leg.length_m for leg in legs), rejected)
+            kept = min(keep_out, scene.known.nearest_m(scene.start))
+            legs = (Leg(LegKind.STRAIGHT, out, out_m, kept), *legs)
+        cost = rung.factor * sum(leg.length_m for leg in legs)
+        return Candidate(legs, keep_out, cost, inner.rejected, inner.decided_by)
 
     def _departure(self, scene: Scene, keep_out_m: float) -> Point | None:
         """Where planning begins: the start, or the nearest free place when it is in a keep-out."""
         start = scene.start
         if self.fence.inside_distance_m(*start) < 0.0:
             start = self._pulled_inside(start)
-        if kernels.clearance2(scene.hits, *start) >= keep_out_m * keep_out_m:
+        if scene.known.is_clear(start, keep_out_m):
             return start
         within = keep_out_m + EXIT_MARGIN_M
-        found, north, east = kernels.nearest_exit(scene.hits, keep_out_m, *start, within, CAREFUL)
+        found, north, east = kernels.nearest_exit(
+            scene.hits, scene.known.squares, keep_out_m, *start, within, CAREFUL
+        )
         inside = found and self.fence.inside_distance_m(north, east) >= 0.0
         return (north, east) if inside else None
 
     def _arrival(self, scene: Scene, keep_out_m: float) -> Point | None:
         goal = scene.goal
-        if kernels.clearance2(scene.hits, *goal) >= keep_out_m * keep_out_m:
+        if scene.known.is_clear(goal, keep_out_m):
             return goal
         found, north, east = kernels.nearest_exit(
-            scene.hits, keep_out_m, *goal, scene.tolerance_m, CARELESS
+            scene.hits, scene.known.squares, keep_out_m, *goal, scene.tolerance_m, CARELESS
         )
         inside = found and self.fence.inside_distance_m(north, east) >= 0.0
         return (north, east) if inside else None
@@ -240,66 +259,75 @@ class Planner:
                     best, nearest = (inside, away) if away < nearest else (best, nearest)
         return best
 
-    def _between(
-        self, scene: Scene, level: Level, start: Point, goal: Point
-    ) -> tuple[tuple[Leg, ...], tuple[tuple[Point, ...], ...]] | Failure:
-        """Legs from a free start to a free goal, with the candidates they replaced."""
-        keep_out = level.keep_out_m
+    def _between(self, scene: Scene, rung: Rung, start: Point, goal: Point) -> Inner | Failure:
+        """Legs from a free start to a free goal."""
+        keep_out = rung.keep_out_m
         clear = keep_out - kernels.TOUCH_M
-        if kernels.in_sight(scene.hits, clear, self._sides, *start, *goal):
-            straight = Leg(LegKind.STRAIGHT, (start, goal), distance(start, goal), keep_out)
-            return (straight,), ()
-        route, discs = self._tangent_route(level, scene, start, goal)
+        if kernels.in_sight(scene.hits, scene.known.squares, clear, self._sides, *start, *goal):
+            return Inner((Leg(LegKind.STRAIGHT, (start, goal), distance(start, goal), keep_out),))
+        level = scene.known.level(keep_out)
+        route, discs = self._tangent_route(scene, rung, level, start, goal)
         if isinstance(route, Route):
+            decided_by = _hits_among(route.active, discs, scene)
             tangents = _tangent_legs(route.pieces, keep_out)
             legs = self._fly_past(scene, level, route, discs)
             if legs != tangents and self._is_sound(scene, keep_out, legs):
-                return legs, (_join(tangents),)
+                return Inner(legs, (_join(tangents),), decided_by)
             if self._is_sound(scene, keep_out, tangents):
-                return tangents, ()
+                return Inner(tangents, (), decided_by)
         elif route.reason is NoRouteReason.CLOSED:
             # Proven by the discs themselves; the fence could only close more.
             return Failure.CLOSED
-        return self._over_the_grid(scene, level, start, goal)
+        elif route.reason is NoRouteReason.BEATEN:
+            return Failure.BEATEN
+        return self._over_the_grid(scene, rung, start, goal)
 
     def _is_sound(self, scene: Scene, keep_out_m: float, legs: tuple[Leg, ...]) -> bool:
         """The exact check of every path against all hits and the fence."""
-        path = np.array(_join(legs))
+        return self._is_free(scene, keep_out_m, np.array(_join(legs)))
+
+    def _is_free(self, scene: Scene, keep_out_m: float, path: Floats) -> bool:
         return bool(
-            kernels.path_is_free(path, scene.hits, keep_out_m - kernels.SLACK_M)
+            kernels.path_is_free(
+                path, scene.hits, scene.known.squares, keep_out_m - kernels.SLACK_M
+            )
             and kernels.path_is_inside(path, self._polygon, self._sides)
         )
 
     # ------------------------------------------------------------ spherical navigation
 
     def _tangent_route(
-        self, level: Level, scene: Scene, start: Point, goal: Point
+        self, scene: Scene, rung: Rung, level: Level, start: Point, goal: Point
     ) -> tuple[Route | NoRoute, Discs]:
         """Round the spheres where they fit and cost little, else round every single hit."""
-        spheres = tuple(
-            kind is ObstacleKind.DISCRETE
-            and shape.radius_m > 0.0
-            and min(distance(start, shape.centre), distance(goal, shape.centre))
-            > shape.radius_m + level.keep_out_m
-            for shape, kind in zip(level.shapes, level.kinds, strict=True)
-        )
-        wide, wide_discs = self._route_with(scene, level, spheres, start, goal)
-        if not any(spheres):
-            return wide, wide_discs
-        straight = distance(start, goal)
-        if isinstance(wide, Route) and wide.length_m <= SPHERE_MAX_RATIO * straight:
-            return wide, wide_discs
-        exact, discs = self._route_with(scene, level, (False,) * len(spheres), start, goal)
+        spheres = _spheres_outside(level, start, goal)
+        exact_discs = scene.known.discs(level.keep_out_m, _NO_SPHERE)
+        wide: Route | NoRoute | None = None
+        if spheres.any():
+            wide_discs = scene.known.discs(level.keep_out_m, spheres)
+            wide = self._route_among(wide_discs, start, goal)
+            if isinstance(wide, Route) and wide.length_m <= SPHERE_MAX_RATIO * distance(
+                start, goal
+            ):
+                return wide, wide_discs
+        exact = self._route_among(exact_discs, start, goal, rung.seeds, rung.limit_m)
+        if wide is None or _proves_defeat(exact):
+            return exact, exact_discs
         keeps_spheres = isinstance(wide, Route) and (
             isinstance(exact, NoRoute) or wide.length_m <= SPHERE_MAX_RATIO * exact.length_m
         )
-        return (wide, wide_discs) if keeps_spheres else (exact, discs)
+        return (wide, wide_discs) if keeps_spheres else (exact, exact_discs)
 
-    def _route_with(
-        self, scene: Scene, level: Level, spheres: tuple[bool, ...], start: Point, goal: Point
-    ) -> tuple[Route | NoRoute, Discs]:
-        discs = _discs(scene, level, spheres)
-        return route_among(start, goal, discs, self._planes, self.config.tangent_discs_max), discs
+    def _route_among(
+        self,
+        discs: Discs,
+        start: Point,
+        goal: Point,
+        seeds: Ints = NO_SEEDS,
+        limit_m: float = math.inf,
+    ) -> Route | NoRoute:
+        most = self.config.tangent_discs_max
+        return route_among(start, goal, discs, self._planes, most, seeds, limit_m)
 
     # ------------------------------------------------------------ hyperbolic navigation
 
@@ -347,8 +375,8 @@ class Planner:
     ) -> FlyBy | None:
         """The fly-by from begin to end past the turn's support vertices, free of all hits."""
         arcs = [piece for piece in turn if isinstance(piece, Arc)]
-        shape = level.shapes[int(discs.labels[arcs[0].disc])]
-        hull = tuple((n, e) for n, e in scene.hits[shape.hull].tolist())
+        corners = level.outlines.hull_of(int(discs.labels[arcs[0].disc]))
+        hull = tuple((n, e) for n, e in scene.hits[corners].tolist())
         if inside_hull(scene.start, hull) or inside_hull(scene.goal, hull):
             return None
         for arc in sorted(arcs, key=lambda a: -abs(a.sweep_rad))[:2]:
@@ -356,37 +384,30 @@ class Planner:
             conic = fly_by(begin, end, arc.centre, level.keep_out_m, sense)
             if conic is None:
                 continue
-            path = np.array(conic.points)
-            free = kernels.path_is_free(path, scene.hits, level.keep_out_m - kernels.SLACK_M)
-            if free and kernels.path_is_inside(path, self._polygon, self._sides):
+            if self._is_free(scene, level.keep_out_m, np.array(conic.points)):
                 return conic
         return None
 
     # ------------------------------------------------------------ the geodesic
 
     def _over_the_grid(
-        self, scene: Scene, level: Level, start: Point, goal: Point
-    ) -> tuple[tuple[Leg, ...], tuple[tuple[Point, ...], ...]] | Failure:
+        self, scene: Scene, rung: Rung, start: Point, goal: Point
+    ) -> Inner | Failure:
         """The geodesic; where its cells see no way, finer ones and at last all discs decide."""
+        keep_out = rung.keep_out_m
         for cell in (self.config.grid_cell_m, 0.5 * self.config.grid_cell_m):
             found = geodesic(
-                start,
-                goal,
-                scene.hits,
-                level.keep_out_m,
-                self._polygon,
-                cell,
-                convex=self._convex,
+                start, goal, scene.hits, keep_out, self._polygon, cell, convex=self._convex
             )
             if not isinstance(found, Closed):
                 length = polyline_length(found.points)
-                return (Leg(LegKind.GEODESIC, found.points, length, level.keep_out_m),), ()
-        discs = _discs(scene, level, (False,) * len(level.shapes))
+                return Inner((Leg(LegKind.GEODESIC, found.points, length, keep_out),))
+        discs = scene.known.discs(keep_out, _NO_SPHERE)
         route = route_among(start, goal, discs, self._planes, ACTIVE_MAX)
         if isinstance(route, Route):
-            legs = _tangent_legs(route.pieces, level.keep_out_m)
-            if self._is_sound(scene, level.keep_out_m, legs):
-                return legs, ()
+            legs = _tangent_legs(route.pieces, keep_out)
+            if self._is_sound(scene, keep_out, legs):
+                return Inner(legs)
         return Failure.CLOSED
 
     # ------------------------------------------------------------ results
@@ -394,28 +415,22 @@ class Planner:
     def _as_plan(
         self, scene: Scene, best: Candidate, rejected: tuple[tuple[Point, ...], ...]
     ) -> Plan:
-        level = best.level
         return Plan(
             legs=best.legs,
             length_m=sum(leg.length_m for leg in best.legs),
-            keep_out_m=level.keep_out_m,
-            environment=environment_of(level.kinds),
-            obstacles=obstacles_of(
-                scene.linkage, level.labels, level.shapes, level.keep_out_m, self.config
-            ),
+            keep_out_m=best.keep_out_m,
+            environment=scene.known.level(best.keep_out_m).outlines.environment,
+            obstacles=scene.known.obstacles(best.keep_out_m),
             rejected=best.rejected + rejected,
         )
 
     def _no_plan(self, scene: Scene, reason: str, evidence: tuple[Point, ...]) -> NoPlan:
-        level = self._level(scene, self.keep_outs_m[-1])
-        environment = environment_of(level.kinds) if level.kinds else Environment.FREE
+        keep_out = self.keep_outs_m[-1]
         return NoPlan(
             reason=reason,
             evidence=evidence,
-            environment=environment,
-            obstacles=obstacles_of(
-                scene.linkage, level.labels, level.shapes, level.keep_out_m, self.config
-            ),
+            environment=scene.known.level(keep_out).outlines.environment,
+            obstacles=scene.known.obstacles(keep_out),
         )
 
     def _evidence(self, scene: Scene, failure: Failure) -> tuple[Point, ...]:
@@ -437,25 +452,37 @@ class Planner:
         return tuple((n, e) for n, e in near.tolist())
 
 
-def _discs(scene: Scene, level: Level, spheres: tuple[bool, ...]) -> Discs:
-    """Every hit with the keep-out radius; one sphere instead where `spheres` says so."""
-    keep_out, labels, linkage = level.keep_out_m, level.labels, scene.linkage
-    radii = np.full(labels.shape[0], keep_out)
-    chain = kernels.sparse_chain(
-        linkage.order, linkage.parent, linkage.edge_m, 2.0 * keep_out, linkage.points, radii
+_NO_SPHERE: Mask = np.zeros(1, dtype=np.uint8)
+
+
+def _spheres_outside(level: Level, start: Point, goal: Point) -> Mask:
+    """1 for every component that a sphere stands for which holds neither start nor goal."""
+    chosen = np.flatnonzero(level.spheres)
+    if chosen.shape[0] == 0:
+        return _NO_SPHERE
+    rows = level.outlines.rows[chosen]
+    spheres = np.zeros_like(level.spheres)
+    away = np.minimum(
+        np.hypot(rows[:, 0] - start[0], rows[:, 1] - start[1]),
+        np.hypot(rows[:, 0] - goal[0], rows[:, 1] - goal[1]),
     )
-    if not any(spheres):
-        return Discs(scene.hits, radii, labels, chain)
-    kept = ~np.array(spheres)[labels]
-    chosen = [k for k, sphere in enumerate(spheres) if sphere]
-    centres = np.array([level.shapes[k].centre for k in chosen])
-    reach = np.array([level.shapes[k].radius_m + keep_out for k in chosen])
-    return Discs(
-        np.concatenate((scene.hits[kept], centres)),
-        np.concatenate((radii[kept], reach)),
-        np.concatenate((labels[kept], np.array(chosen, dtype=np.int64))),
-        np.concatenate((chain[kept], np.ones(len(chosen), dtype=np.uint8))),
+    spheres[chosen] = away > rows[:, 2] + level.keep_out_m
+    return spheres
+
+
+def _proves_defeat(route: Route | NoRoute) -> bool:
+    """True when the single hits alone show that the level cannot win: spheres only add to them."""
+    return isinstance(route, NoRoute) and route.reason in (
+        NoRouteReason.BEATEN,
+        NoRouteReason.CLOSED,
     )
+
+
+def _hits_among(active: tuple[int, ...], discs: Discs, scene: Scene) -> Ints:
+    """The hits that decided a route; none where spheres did."""
+    if discs.centres.shape[0] != scene.hits.shape[0]:
+        return NO_SEEDS
+    return np.array(active, dtype=np.int64)
 
 
 def _join(legs: tuple[Leg, ...]) -> tuple[Point, ...]:
@@ -492,7 +519,7 @@ def _turns(
             continue
         label = int(discs.labels[piece.disc])
         turn = (label, piece.sweep_rad > 0.0)
-        if level.kinds[label] is ObstacleKind.DISCRETE:
+        if level.outlines.discrete[label]:
             before = None
         elif turn == before:
             runs[-1] = (runs[-1][0], k)

@@ -12,7 +12,7 @@ import numpy as np
 
 from autonomy.geometry import Point, along, bearing, distance
 from autonomy.t3drm import kernels
-from autonomy.t3drm.kernels import Floats, Ints, Mask
+from autonomy.t3drm.kernels import Floats, Ints, Mask, Squares
 from hal.frames import Vector3
 
 ACTIVE_MAX = 400
@@ -86,6 +86,7 @@ class NoRouteReason(StrEnum):
 
     CLOSED = "closed"  # proven: the certificate's discs alone close every way
     TOO_MANY = "too_many"  # more discs matter than were allowed: nothing is proven
+    BEATEN = "beaten"  # proven: no path is shorter than the limit
     START_INSIDE = "start_inside"
     GOAL_INSIDE = "goal_inside"
 
@@ -98,27 +99,43 @@ class NoRoute(msgspec.Struct, frozen=True, tag="no_route"):
 
 
 class Discs(msgspec.Struct, frozen=True):
-    """Discs made ready for `route_among`: centres, radii, component numbers, sparse chains."""
+    """Discs made ready for `route_among`: centres, radii, component numbers, sparse chains, and
+    a spatial index of the centres.
+    """
 
     centres: Floats
     radii: Floats
     labels: Ints
     chain: Mask
+    squares: Squares
 
     @classmethod
     def of(cls, centres: Floats, radii: Floats) -> "Discs":
         """Any discs; overlapping ones are one component."""
-        return cls(centres, radii, *kernels.join_overlapping(centres, radii))
+        return cls.joined(centres, radii, *kernels.join_overlapping(centres, radii))
+
+    @classmethod
+    def joined(cls, centres: Floats, radii: Floats, labels: Ints, chain: Mask) -> "Discs":
+        """Discs whose components and chains are known."""
+        widest = float(radii.max()) if radii.shape[0] else 0.0
+        return cls(centres, radii, labels, chain, kernels.into_squares(centres, widest))
+
+    @property
+    def field(self) -> kernels.Field:
+        """What the kernels take."""
+        return (self.centres, self.radii, self.labels, self.chain, self.squares)
 
 
 _REASONS = {
     kernels.CLOSED: NoRouteReason.CLOSED,
     kernels.TOO_MANY: NoRouteReason.TOO_MANY,
+    kernels.BEATEN: NoRouteReason.BEATEN,
     kernels.START_INSIDE: NoRouteReason.START_INSIDE,
     kernels.GOAL_INSIDE: NoRouteReason.GOAL_INSIDE,
 }
 
 NO_PLANES: Floats = np.empty((0, 3))
+NO_SEEDS: Ints = np.empty(0, dtype=np.int64)
 
 
 def touch_angle(radius_m: float, distance_m: float) -> float:
@@ -207,18 +224,16 @@ def route_among(
     discs: Discs,
     planes: Floats = NO_PLANES,
     active_max: int = ACTIVE_MAX,
+    seeds: Ints = NO_SEEDS,
+    limit_m: float = math.inf,
 ) -> Route | NoRoute:
-    """`shortest_path` over discs that were made ready before."""
+    """`shortest_path` over discs that were made ready before.
+
+    seeds: discs to begin with, such as those that decided a similar question: they change the time,
+    not the answer. limit_m: BEATEN as soon as it is proven that no path is shorter.
+    """
     ends = np.array((start, goal))
-    found = kernels.lazy_route(
-        ends,
-        discs.centres,
-        discs.radii,
-        discs.labels,
-        discs.chain,
-        planes,
-        active_max,
-    )
+    found = kernels.lazy_route(ends, discs.field, planes, active_max, seeds, limit_m)
     return _result(found, discs.centres, discs.radii)
 
 

@@ -5,10 +5,12 @@ planning thread. `--write` puts tables and pictures into tools/bench/README.md.
 """
 
 import argparse
+import dataclasses
 import math
 import statistics
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +22,7 @@ from autonomy.model import LegKind, Plan
 from autonomy.t3drm.planner import Planner
 from autonomy.t3drm.spherical import Arc, Discs, Route, fence_planes, route_among, shortest_path
 from hal.config import Fence
+from tools.bench import steps
 from tools.bench.baselines import sampling
 from tools.bench.baselines.ant_colony import AntColony
 from tools.bench.baselines.astar import AStar
@@ -33,6 +36,7 @@ from tools.bench.maps import (
     KEEP_OUT_M,
     Family,
     Map,
+    barn_maps,
     families,
     spread_map,
 )
@@ -193,6 +197,7 @@ class Campaign:
     reaches: tuple[Reach, ...]
     bends: tuple[Bend, ...]
     growth: tuple[Growth, ...]
+    steps: tuple[steps.Step, ...] = ()
 
 
 def repeated(planner: Baseline, problem: Map) -> Answer:
@@ -319,14 +324,29 @@ def grow(count: int, seeds: int) -> Iterator[Growth]:
             problem.low,
             problem.high,
         )
-        curves.setdefault("T3DRM, planning step", []).append(
+        curves.setdefault("T3DRM, planning step, cold", []).append(
             repeated(PlanningStep("prefer", ""), hits).seconds
         )
+        curves.setdefault("T3DRM, planning step, same map again", []).append(same_again(hits))
         if count <= 1000:
             curves.setdefault("whole tangent graph", []).append(
                 ExactOptimum().plan(problem).seconds
             )
     return (Growth(count, curve, statistics.median(times)) for curve, times in curves.items())
+
+
+def same_again(problem: Map) -> float:
+    """Seconds of a planning step on a map that the planner has just been asked about."""
+    planner = PlanningStep("prefer", "").planner_for(problem)
+    hits = problem.centres.copy()
+    hits.setflags(write=False)  # as the obstacle map hands them out
+
+    def solve() -> tuple[bool, Floats]:
+        planner.plan(problem.start, problem.goal, hits)
+        return True, np.empty((0, 2))
+
+    solve()
+    return statistics.median(timed(solve).seconds for _ in range(REPEATS))
 
 
 def warm_up(problem: Map) -> None:
@@ -337,23 +357,51 @@ def warm_up(problem: Map) -> None:
             planner.plan(problem)
 
 
-def campaign(
-    chosen: Sequence[Family], maps: int, sampling_maps: int, growth: Iterable[int] = GROWTH
-) -> Campaign:
-    """Run everything, saying what is being done."""
+def one_family(
+    family: Family, maps: int, sampling_maps: int
+) -> tuple[list[Trial | Reach], list[Bend]]:
+    """Everything about one family."""
+    _say(f"{family.name}: {min(maps, family.count)} maps")
+    warm_up(next(family.maps(1)))
+    found = list(race(family, maps, sampling_maps))
+    suited = (problem for problem in family.maps(maps) if PlanningStep.suits(problem))
+    return found, [b for b in map(bend, suited) if b is not None]
+
+
+def _prepare() -> None:
+    """What a process does once."""
     if sampling.available():
         sampling.seed(sampling.SEED)
-    else:
+
+
+def all_families(
+    chosen: Sequence[Family], maps: int, sampling_maps: int, at_once: int
+) -> Iterator[tuple[list[Trial | Reach], list[Bend]]]:
+    """Family by family, or `at_once` at a time: all planners of a family in one process."""
+    if at_once < 2:
+        _prepare()
+        yield from (one_family(family, maps, sampling_maps) for family in chosen)
+        return
+    with ProcessPoolExecutor(at_once, initializer=_prepare) as pool:
+        count = len(chosen)
+        yield from pool.map(one_family, chosen, [maps] * count, [sampling_maps] * count)
+
+
+def campaign(
+    chosen: Sequence[Family],
+    maps: int,
+    sampling_maps: int,
+    growth: Iterable[int] = GROWTH,
+    at_once: int = 1,
+) -> Campaign:
+    """Run everything, saying what is being done."""
+    if not sampling.available():
         _say(sampling.MISSING)
-    for family in chosen:
-        warm_up(next(family.maps(1)))
     found: list[Trial | Reach] = []
     bends: list[Bend] = []
-    for family in chosen:
-        _say(f"{family.name}: {min(maps, family.count)} maps")
-        found.extend(race(family, maps, sampling_maps))
-        suited = (problem for problem in family.maps(maps) if PlanningStep.suits(problem))
-        bends.extend(b for b in map(bend, suited) if b is not None)
+    for raced, bent in all_families(chosen, maps, sampling_maps, at_once):
+        found.extend(raced)
+        bends.extend(bent)
     curves: list[Growth] = []
     for count in growth:
         _say(f"{count} obstacles")
@@ -377,6 +425,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sampling-maps", type=int, default=6, help="maps of every family for RRT* and BIT*"
     )
+    parser.add_argument(
+        "--flights", type=int, default=12, help="wall and BARN worlds flown for planning steps"
+    )
+    parser.add_argument(
+        "--at-once", type=int, default=1, help="families raced at once, each in one process"
+    )
     parser.add_argument("--write", action="store_true", help="renew tools/bench/README.md")
 
 
@@ -385,7 +439,11 @@ def run(options: argparse.Namespace) -> None:
     from tools.bench import report
 
     chosen = families(options.barn)
-    measured = campaign(chosen, options.maps, options.sampling_maps)
+    _say("planning steps of flights")
+    barn = barn_maps(options.barn) if options.barn is not None else ()
+    taken = steps.campaign(options.flights, barn)
+    measured = campaign(chosen, options.maps, options.sampling_maps, at_once=options.at_once)
+    measured = dataclasses.replace(measured, steps=taken)
     page = report.planner_section(measured)
     sys.stdout.write(page + "\n")
     if options.write:

@@ -50,6 +50,7 @@ def draw_all(measured: Campaign, chosen: Sequence[Family], into: Path) -> None:
     )
     length_against_time(measured.trials, into / "length_time.png")
     success(measured.trials, into / "success.png")
+    times(measured.trials, into / "times.png")
     head_start(measured, into / "head_start.png")
     if measured.growth:
         growth_curves(measured.growth, into / "growth.png")
@@ -137,6 +138,33 @@ def _budget_lines(axes: Any, trials: Sequence[Trial]) -> None:
             axes.plot(*zip(*points, strict=True), color=COLOURS[kind], linewidth=1.2, zorder=2)
 
 
+def times(trials: Sequence[Trial], path: Path) -> None:
+    """Planning time of every planner: p50, p95 and p99."""
+    kinds = [k for k in KINDS if any(kind_of(t.family) == k for t in trials)]
+    names = list(dict.fromkeys(t.planner for t in trials))
+    names.sort(key=lambda n: percentile([t.seconds for t in trials if t.planner == n], 50))
+    figure, grid = plt.subplots(
+        1, len(kinds), figsize=(11, 0.3 * len(names) + 1.4), sharex=True, sharey=True,
+        squeeze=False, layout="constrained",
+    )  # fmt: skip
+    for axes, kind in zip(grid.flat, kinds, strict=True):
+        for row, name in enumerate(reversed(names)):
+            taken = [
+                1e3 * t.seconds for t in trials if t.planner == name and kind_of(t.family) == kind
+            ]
+            if not taken:
+                continue
+            ranks = [percentile(taken, p) for p in (50, 95, 99)]
+            axes.plot(ranks, [row] * 3, color=colour_of(name), linewidth=1.4, zorder=2)
+            for mark, at in zip("o|x", ranks, strict=True):
+                axes.plot(at, row, mark, color=colour_of(name), markersize=5.5, zorder=3)
+        axes.set(xscale="log", title=kind, xlabel="ms of CPU: o p50, | p95, x p99")
+        axes.set_yticks(range(len(names)), reversed(names))
+        axes.grid(color=FAINT, zorder=-1)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
 def success(trials: Sequence[Trial], path: Path) -> None:
     """Bars: the share of maps on which a path passed the check."""
     names = [n for n in dict.fromkeys(t.planner for t in trials) if n != "exact optimum"]
@@ -195,7 +223,7 @@ def head_start(measured: Campaign, path: Path) -> None:
 def growth_curves(growth: Sequence[Growth], path: Path) -> None:
     """Time over the number of obstacles, both logarithmic."""
     figure, axes = plt.subplots(figsize=(7.6, 4.4), layout="constrained")
-    colours = ("#0969da", "#54aeff", "#1a7f37", "#57606a")
+    colours = ("#0969da", "#54aeff", "#1a7f37", "#8250df", "#57606a")
     curves = list(dict.fromkeys(g.curve for g in growth))
     for curve, colour in zip(curves, colours, strict=False):
         mine = [g for g in growth if g.curve == curve]

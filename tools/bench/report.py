@@ -25,6 +25,7 @@ from tools.bench.planners import (
     TangentRoute,
     Trial,
 )
+from tools.bench.steps import Step
 
 HERE = Path(__file__).resolve().parent
 README = HERE / "README.md"
@@ -55,6 +56,8 @@ def planner_section(measured: Campaign) -> str:
         parts.append(f"### {kind[0].upper()}{kind[1:]}")
         parts.append(race_table([t for t in measured.trials if kind_of(t.family) == kind]))
     parts += ["### Family by family", family_table(measured)]
+    if measured.steps:
+        parts += ["### One planning step in flight", step_table(measured.steps)]
     if measured.bends:
         parts += ["### Conics against arcs", bend_table(measured)]
     if measured.growth:
@@ -267,6 +270,24 @@ def _reach_cells(reaches: Sequence[Reach]) -> list[str]:
     factors = [r.seconds / r.t3drm_seconds for r in _best_of_each_map(reaches)]
     shown = (percentile(factors, 50), min(factors))
     return cells + [f"{f:.0f}x" if math.isfinite(f) else "never in 1 s" for f in shown]
+
+
+def step_table(taken: Sequence[Step]) -> str:
+    """What a planning step costs, by the sort of question."""
+    lines = [
+        (
+            "| questions | number | hits p50 | max | ms p50 | p95 | p99 "
+            "| same map again: ms p50 | p95 |"
+        ),
+        "|---|--:|--:|--:|--:|--:|--:|--:|--:|",
+    ]
+    for group in dict.fromkeys(s.group for s in taken):
+        mine = [s for s in taken if s.group == group]
+        cold = [_ms(1e3 * percentile([s.cold_s for s in mine], p)) for p in (50, 95, 99)]
+        again = [_ms(1e3 * percentile([s.again_s for s in mine], p)) for p in (50, 95)]
+        hits = [f"{percentile([s.hits for s in mine], p):.0f}" for p in (50, 100)]
+        lines.append(f"| {' | '.join([group, str(len(mine)), *hits, *cold, *again])} |")
+    return "\n".join(lines)
 
 
 def bend_table(measured: Campaign) -> str:

@@ -48,19 +48,20 @@ def first_of_each(labels: Ints) -> list[int]:
 # ---------------------------------------------------------------- spanning tree
 
 
-def test_the_tree_of_four_discs_worked_out_by_hand() -> None:
-    # From disc 0: 2 is the nearest circle (gap 1), then 3 beyond it (gap -0.5), then 1 (gap 2).
-    centres, radii = discs((0, 0, 1), (0, 6, 3), (3, 0, 1), (4.5, 0, 1))
-    order, parent, gap = kernels.spanning_tree(centres, radii)
+FOUR = np.array(((0.0, 0.0), (0.0, 6.0), (3.0, 0.0), (4.5, 0.0)))
+
+
+def test_the_tree_of_four_points_worked_out_by_hand() -> None:
+    # From point 0: 2 is the nearest (3 m), then 3 beyond it (1.5 m), then 1 (6 m).
+    order, parent, gap = kernels.spanning_tree(FOUR)
     assert order.tolist() == [0, 2, 3, 1]
     assert parent.tolist() == [-1, 0, 0, 2]
-    assert gap[1:].tolist() == [2.0, 1.0, -0.5]
+    assert gap[1:].tolist() == [6.0, 3.0, 1.5]
     assert gap[0] == math.inf
 
 
-def test_of_two_discs_equally_near_the_one_that_came_first_is_the_parent() -> None:
-    centres, radii = discs((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0))
-    _, parent, gap = kernels.spanning_tree(centres, radii)
+def test_of_two_points_equally_near_the_one_that_came_first_is_the_parent() -> None:
+    _, parent, gap = kernels.spanning_tree(np.array(((0.0, 0), (1, 0), (1, 1), (0, 1))))
     assert gap[1:].tolist() == [1.0, 1.0, 1.0]
     assert parent.tolist()[:2] == [-1, 0]
     assert parent[3] == 0
@@ -68,31 +69,29 @@ def test_of_two_discs_equally_near_the_one_that_came_first_is_the_parent() -> No
 
 @pytest.mark.parametrize(("centres", "radii"), lattices(3, 25))
 def test_no_tree_is_shorter(centres: Floats, radii: Floats) -> None:
-    order, parent, gap = kernels.spanning_tree(centres, radii)
+    order, parent, gap = kernels.spanning_tree(centres)
     count = len(radii)
     assert sorted(order.tolist()) == list(range(count))
-    place = {disc: at for at, disc in enumerate(order.tolist())}
-    for disc in order.tolist()[1:]:
-        joined = int(parent[disc])
-        assert place[joined] < place[disc]
-        between = math.dist(centres[disc], centres[joined]) - radii[disc] - radii[joined]
-        assert gap[disc] == pytest.approx(between)
-    # scipy knows no edges of length 0 or less: all are moved up by 100.
-    gaps = squareform(pdist(centres)) - radii[:, None] - radii[None, :] + 100.0
+    place = {point: at for at, point in enumerate(order.tolist())}
+    for point in order.tolist()[1:]:
+        joined = int(parent[point])
+        assert place[joined] < place[point]
+        assert gap[point] == pytest.approx(math.dist(centres[point], centres[joined]))
+    # scipy knows no edges of length 0: all are moved up by 100.
+    gaps = squareform(pdist(centres)) + 100.0
     expected = minimum_spanning_tree(np.triu(gaps, 1)).sum()
     assert gap[np.isfinite(gap)].sum() + 100.0 * (count - 1) == pytest.approx(expected)
 
 
 def test_only_gaps_below_the_threshold_join() -> None:
-    centres, radii = discs((0, 0, 1), (0, 6, 3), (3, 0, 1), (4.5, 0, 1))
-    tree = kernels.spanning_tree(centres, radii)
+    tree = kernels.spanning_tree(FOUR)
     for threshold, labels in (
-        (-0.5, [0, 3, 1, 2]),
-        (-0.4, [0, 2, 1, 1]),
-        (1.0, [0, 2, 1, 1]),
-        (1.1, [0, 1, 0, 0]),
-        (2.0, [0, 1, 0, 0]),
-        (2.1, [0, 0, 0, 0]),
+        (1.5, [0, 3, 1, 2]),
+        (1.6, [0, 2, 1, 1]),
+        (3.0, [0, 2, 1, 1]),
+        (3.1, [0, 1, 0, 0]),
+        (6.0, [0, 1, 0, 0]),
+        (6.1, [0, 0, 0, 0]),
     ):
         found, count = kernels.cut_tree(*tree, threshold)
         assert found.tolist() == labels
@@ -184,10 +183,11 @@ def test_squares_are_as_wide_as_the_widest_disc_and_hardly_more_than_discs(scale
 # ---------------------------------------------------------------- chain along a tree
 
 
-def chain_of(threshold: float, *rows: tuple[float, float, float]) -> list[int]:
+def chain_of(more: float, *rows: tuple[float, float, float]) -> list[int]:
+    """The chain when centres nearer than 2 m and `more` join."""
     centres, radii = discs(*rows)
-    tree = kernels.spanning_tree(centres, radii)
-    return np.flatnonzero(kernels.sparse_chain(*tree, threshold, centres, radii)).tolist()
+    tree = kernels.spanning_tree(centres)
+    return np.flatnonzero(kernels.sparse_chain(*tree, 2.0 + more, centres, radii)).tolist()
 
 
 def test_a_chain_along_a_tree_has_one_disc_in_a_diameter() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from autonomy.t3drm import kernels
 from autonomy.t3drm.kernels import CLOSED, FOUND, GOAL_INSIDE, START_INSIDE, TOO_MANY, Floats, Ints
+from autonomy.t3drm.spherical import NO_SEEDS, Discs
 from tests.support.tangent_graph import shortest_length
 
 NO_PLANES = np.empty((0, 3))
@@ -278,7 +279,8 @@ def lazily(
     labels, _ = kernels.join_overlapping(centres, radii)
     mask = np.zeros(len(rows), dtype=np.uint8)
     mask[chain] = 1
-    return kernels.lazy_route(both, centres, radii, labels, mask, NO_PLANES, active_max)
+    field = Discs.joined(centres, radii, labels, mask).field
+    return kernels.lazy_route(both, field, NO_PLANES, active_max, NO_SEEDS, math.inf)
 
 
 WALL = [(2.0, -2.0 + 0.2 * k, 0.3) for k in range(21)]

@@ -8,6 +8,7 @@ import pytest
 
 from autonomy.t3drm import kernels
 from autonomy.t3drm.kernels import TAU, Floats
+from autonomy.t3drm.spherical import Discs
 
 NO_PLANES = np.empty((0, 3))
 RIGHT_ANGLE = 0.5 * math.pi
@@ -498,5 +499,6 @@ def test_a_place_on_a_disc_is_not_inside_it() -> None:
         (1.0, 7.5, 1),
         (0.0, 0.0, -1),
     ):
-        assert kernels._inside_which(centres, radii, north, east) == disc
-    assert kernels._inside_which(centres[[0, 0]], radii, 5.0, 0.0) == 0
+        assert kernels._inside_which(Discs.of(centres, radii).field, north, east) == disc
+    both = Discs.of(centres[[0, 0]], radii)
+    assert kernels._inside_which(both.field, 5.0, 0.0) == 0

@@ -1,0 +1,153 @@
+"""What one planning step costs in flight: `Planner.plan` as configured, three levels, everything.
+
+The questions are of two sorts: maps made from seeds, and the questions that simulated flights came
+to, with the hits that were known then. Times are CPU time of the thread, the median of REPEATS.
+"""
+
+import math
+import statistics
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autonomy.config import Config, PlannerConfig
+from autonomy.geometry import Point
+from autonomy.model import Command, NoPlan, Plan
+from autonomy.simulation import Simulation, goal_of, with_scenario
+from autonomy.t3drm.planner import Planner
+from hal.config import Fence
+from hal.sim.scenario import Disc, Scenario, SimObstacle, Wall, load_scenario, shipped_scenarios
+from tools.bench.baselines.interface import timed
+from tools.bench.maps import BARN_RADIUS_M, Map
+
+Floats = NDArray[np.float64]
+
+REPEATS = 5
+ROOM_M = 6.0
+MANY_HITS = 500
+BODY_M = 0.15
+
+
+@dataclass(frozen=True)
+class Question:
+    """Start, goal, hits (n, 2) and the fence: what a planning step is asked."""
+
+    start: Point
+    goal: Point
+    hits: Floats
+    fence: Fence
+
+
+@dataclass(frozen=True)
+class Step:
+    """One question's cost: with nothing known about the map, and asked again on the same map."""
+
+    group: str
+    hits: int
+    cold_s: float
+    again_s: float
+
+
+def random_questions(count: int) -> Iterator[tuple[str, Question]]:
+    """20 single hits, 20 pillars of 8 hits each, and 500 hits strewn at random, in 6 m."""
+    fence = Fence.rectangle((-1.0, ROOM_M + 1.0), (-1.0, ROOM_M + 1.0))
+    start, goal = (-0.3, -0.3), (ROOM_M + 0.3, ROOM_M + 0.3)
+    turn = np.linspace(0.0, math.tau, 8, endpoint=False)
+    ring = 0.12 * np.stack((np.cos(turn), np.sin(turn)), axis=1)
+    for number in range(count):
+        rng = np.random.default_rng((17, number))
+        posts = rng.uniform(0.45, ROOM_M - 0.45, (20, 2))
+        pillars = (posts[:, None, :] + ring).reshape(-1, 2)
+        yield "20 hits, 6 m", Question(start, goal, posts, fence)
+        yield "20 pillars of 8 hits, 6 m", Question(start, goal, pillars, fence)
+        if number < count // 5:
+            strewn = rng.uniform(0.45, ROOM_M - 0.55, (500, 2))
+            yield "500 hits strewn over 5 m", Question(start, goal, strewn, fence)
+
+
+def flown_questions(scenario: Scenario, seed: int, mode: str) -> list[Question]:
+    """The questions that one flight of a scenario came to."""
+    config = with_scenario(Config.model_validate({"mission": {"replan": {"mode": mode}}}), scenario)
+    goal = goal_of(scenario, config)
+    found: list[Question] = []
+
+    def note(_: Simulation, command: Command) -> None:
+        plan = command.decision.plan
+        if plan is None or command.decision.fused is None:
+            return
+        hits = np.array([hit for obstacle in plan.obstacles for hit in obstacle.hits])
+        start = plan.points[0] if isinstance(plan, Plan) else command.decision.fused.point
+        fence = config.guard.fence
+        found.append(Question(start, (goal[0], goal[1]), hits.reshape(-1, 2), fence))
+
+    Simulation(scenario, config, (goal,), seed).run(on_tick=note)
+    return found
+
+
+def wall_world(number: int) -> Scenario:
+    """16 walls of 1 to 2.4 m at random in a field of 12 m, flown from corner to corner."""
+    rng = np.random.default_rng((23, number))
+    walls: list[SimObstacle] = []
+    for _ in range(16):
+        length, angle = rng.uniform(1.0, 2.4), rng.uniform(0.0, math.pi)
+        middle = rng.uniform(0.6, 11.4, 2)
+        half = 0.5 * length * np.array((math.cos(angle), math.sin(angle)))
+        begin, end = (middle - half).tolist(), (middle + half).tolist()
+        walls.append(Wall(from_ne_m=(begin[0], begin[1]), to_ne_m=(end[0], end[1])))
+    fence = Fence.rectangle((-1.5, 13.5), (-1.5, 13.5))
+    return Scenario(name="walls", obstacles=tuple(walls), goal_ne_m=(12.3, 12.3), fence=fence)
+
+
+def barn_world(problem: Map) -> Scenario:
+    """A BARN world as a scenario: taking off where the robot starts."""
+    (n0, e0), (n1, e1) = problem.start, problem.goal
+    discs = tuple(
+        Disc(centre_ne_m=(n - n0, e - e0), radius_m=BARN_RADIUS_M)
+        for n, e in problem.centres.tolist()
+    )
+    fence = Fence.rectangle((-1.5, n1 - n0 + 1.5), (-3.5, 3.5))
+    return Scenario(name="BARN", obstacles=discs, goal_ne_m=(n1 - n0, e1 - e0), fence=fence)
+
+
+def all_questions(flights: int, barn: Sequence[Map]) -> Iterator[tuple[str, Question]]:
+    """(group, question): seeded maps, then flights of shipped scenarios, wall and BARN worlds."""
+    yield from random_questions(10 * flights)
+    for name in shipped_scenarios():
+        for question in flown_questions(load_scenario(name), 0, "stop"):
+            yield "flights: shipped scenarios", question
+    for number in range(flights):
+        for question in flown_questions(wall_world(number), number, "rolling"):
+            yield "flights: 16 walls, 12 m", question
+    for problem in barn[:: max(1, len(barn) // max(1, flights))][:flights]:
+        for question in flown_questions(barn_world(problem), 0, "rolling"):
+            yield "flights: BARN", question
+
+
+def measured(group: str, question: Question) -> Step:
+    """The cost of one question."""
+    planner = Planner(PlannerConfig(), BODY_M, question.fence)
+
+    def ask() -> tuple[bool, Floats]:
+        answer = planner.plan(question.start, question.goal, question.hits)
+        return not isinstance(answer, NoPlan), np.empty((0, 2))
+
+    def cold() -> tuple[bool, Floats]:
+        planner.forget()
+        return ask()
+
+    first = statistics.median(timed(cold).seconds for _ in range(REPEATS))
+    again = statistics.median(timed(ask).seconds for _ in range(REPEATS))
+    return Step(group, question.hits.shape[0], first, again)
+
+
+def campaign(flights: int, barn: Sequence[Map]) -> tuple[Step, ...]:
+    """Measure everything; questions of flights with many hits count in a group of their own too."""
+    steps = [measured(group, question) for group, question in all_questions(flights, barn)]
+    many = [
+        Step(f"flights: {MANY_HITS} hits and more", s.hits, s.cold_s, s.again_s)
+        for s in steps
+        if s.group.startswith("flights") and s.hits >= MANY_HITS
+    ]
+    return (*steps, *many)
