@@ -102,7 +102,7 @@ class ReplanConfig(Section):
     hover_s: Positive = 2.0
     """How long to look around at rest before trying again when there is no way."""
     forget_radius_m: Positive = 1.1
-    side_hysteresis_m: NonNegative = 0.25
+    side_hysteresis_m: NonNegative = 0.4
     """The other side of an obstacle is taken only when that saves more way than this; 0: always."""
     attempts: int = Field(default=9, ge=3)
     """Failures (never reset by a success) before the verdict 'unreachable'."""

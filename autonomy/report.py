@@ -161,7 +161,7 @@ def report_rows(report: FlightReport) -> list[tuple[str, str]]:
         ("side changes", str(report.side_changes)),
     ]
     if report.timing is not None and report.timing.replans:
-        rows.append(("planning", _planning(report.timing)))
+        rows.append(("planning time", _planning(report.timing)))
     if report.path_bound is not None and report.path_bound.stretches:
         rows.append(("path bound", _bound(report.path_bound, report.path_length_m)))
     if report.leg_kinds:
@@ -224,5 +224,7 @@ def _planning(timing: TimingRecord) -> str:
         f"{timing.total_s * 1e3:.1f} ms in {len(ordered)} plans, least {ordered[0] * 1e3:.2f}, "
         f"median {ordered[len(ordered) // 2] * 1e3:.2f}, longest {ordered[-1] * 1e3:.2f} ms"
     )
+    if timing.flight_s is not None:
+        text += f"; completed {timing.flight_s:.1f} s after the start"
     radii = [replan.radius_m for replan in timing.replans if replan.radius_m is not None]
     return text + (f"; Eq. 8/9 radius {radii[-1]:.3f} m" if radii else "")

@@ -2,12 +2,22 @@
 
 Sense, respond to faults, then let the present state decide:
 
-    CRUISE   fly straight at the goal (Eq. 10: distance and bearing)       Algorithm 2, steps 1-3
+    CRUISE   fly straight at the goal (Eq. 10: distance and bearing)
     STOP     something is in the way: come to rest
     DETECT   complete the picture: turn until every bearing was seen
-    REPLAN   classify; sphere or hyperbola; choose the cheapest            steps 4-7, 10
-    FOLLOW   fly the chosen path; anything new in the way: STOP again      steps 8-9, 11
-    (goal)   next goal, or land                                            steps 12-13
+    REPLAN   classify; sphere or hyperbola; choose the cheapest
+    FOLLOW   fly the chosen path; anything new in the way: STOP again
+
+Algorithm 2's steps, and where they are:
+
+    1        start                           `Sequence`: preflight, arm, take off, Offboard
+    2        Ricci flow with metric g0       `Planner.keep_outs_m`: the radii that are tried
+    3        any obstacle?                   `_follow`: none, `_fly_path`; else `_on_blocked`,
+                                             `_stop`, `_detect`; discrete or continuous: `_replan`
+    4-7      sphere, tangents T, T_min       `_replan`: `Commitment`, `Planner`, `t3drm.spherical`
+    8, 9     follow T_min; back to 3         `_follow`
+    10, 11   hyperbola, its speed; to 3      `_replan`: `t3drm.hyperbolic`; `_fly_path`: Table 2
+    12, 13   goal reached; stop              `_arrived`, `_next_goal`, `_land`
 
 There is no clock, no randomness, no input or output here: everything comes in `Inputs`.
 """
@@ -183,7 +193,10 @@ class Pilot:
     # ------------------------------------------------------------ Algorithm 2
 
     def _follow(self, tick: Tick) -> Move | None:
-        """CRUISE and FOLLOW: fly the path until the goal, or until something is in the way."""
+        """CRUISE and FOLLOW: fly the path until the goal, or until something is in the way.
+
+        Algorithm 2, steps 3, 8, 9, 11 and 12.
+        """
         if self._arrived(tick.fused):
             return self._next_goal(tick)
         blocked_m = self._blocked_ahead_m()
@@ -240,7 +253,10 @@ class Pilot:
         return False
 
     def _replan(self, tick: Tick) -> Move | None:
-        """REPLAN: classify, choose sphere or hyperbola, take the cheapest free path."""
+        """REPLAN: classify, choose sphere or hyperbola, take the cheapest free path.
+
+        Algorithm 2, steps 4 to 7 and 10; Algorithm 1 times it.
+        """
         self._planned_s = tick.now_s
         self.replans += 1
         goal = (self.goal[0], self.goal[1])

@@ -13,6 +13,8 @@ from hal.sim.scenario import load_scenario, shipped_scenarios
 from hal.vehicle.guard import BeamSight, Guard, Sight
 
 SEEDS = 20
+SIDE_CHANGES_MAX = 5
+"""Dead ends are left the way they were entered; a flight that dithers changes much oftener."""
 
 
 @cache
@@ -37,6 +39,8 @@ def test_every_flight_reaches_the_goal_untouched_or_says_rightly_that_it_cannot(
     else:
         assert flight.outcome.ending is Ending.UNREACHABLE, flight.outcome.why
         assert len(flight.outcome.evidence) > 3
+    assert flight.path_bound.holds(flight.path_length_m), flight.path_bound
+    assert flight.side_changes <= SIDE_CHANGES_MAX
 
 
 @pytest.mark.parametrize("seed", range(SEEDS))
@@ -46,6 +50,19 @@ def test_rolling_replans_without_stopping(name: str, seed: int) -> None:
     assert not flight.collided
     assert flight.outcome.ending is Ending.GOAL_REACHED, flight.outcome.why
     assert flight.stops == 0
+    assert flight.path_bound.holds(flight.path_length_m), flight.path_bound
+    assert flight.side_changes <= SIDE_CHANGES_MAX
+
+
+def test_the_bound_on_path_length_is_not_far_from_what_is_flown() -> None:
+    ratios = {
+        name: flight.path_length_m / flight.path_bound.bound_m
+        for name in shipped_scenarios()
+        for flight in [flown(name, 0)]
+    }
+    assert all(ratio > 0.4 for ratio in ratios.values()), ratios
+    # Along the wall to the door and back along it: nearly all that TangentBug allows.
+    assert ratios["door"] > 0.8
 
 
 def test_the_default_room_needs_spheres_and_a_hyperbola_in_one_flight() -> None:

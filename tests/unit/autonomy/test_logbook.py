@@ -22,6 +22,26 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, SimulatedFlig
     return fly(tmp_path_factory.mktemp("flights"))
 
 
+def test_the_report_tells_the_bound_the_sides_and_the_radii_of_what_was_flown(
+    flown: tuple[Path, SimulatedFlight],
+) -> None:
+    report, flight = report_of_log(flown[0]), flown[1]
+    assert report.path_bound == flight.path_bound
+    assert report.path_bound is not None
+    assert report.path_bound.holds(report.path_length_m)
+    assert report.side_changes == flight.side_changes
+    assert sum(leg.flown_m for leg in report.legs) == pytest.approx(report.path_length_m, abs=0.1)
+    planner, body_m = Config().planner, Config().body.radius_m
+    radii = {round(leg.keep_out_m, 3) for leg in report.legs}
+    assert round(body_m + planner.comfortable_clearance_m, 3) in radii
+    assert all(radius <= body_m + planner.comfortable_clearance_m + 1e-9 for radius in radii)
+    assert [leg.begun_s for leg in report.legs] == sorted(leg.begun_s for leg in report.legs)
+    answer = CliRunner().invoke(main, ["report", str(flown[0]), "--json"])
+    told = msgspec.json.decode(answer.output)
+    assert told["legs"][0]["keep_out_m"] == report.legs[0].keep_out_m
+    assert told["path_bound"]["bound_m"] == report.path_bound.bound_m
+
+
 def test_a_replay_gives_the_same_decisions(flown: tuple[Path, SimulatedFlight]) -> None:
     result = replay_log(flown[0])
     assert result.exact, result

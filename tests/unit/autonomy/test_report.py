@@ -2,12 +2,16 @@
 
 import io
 
+import msgspec
 import pytest
 from rich.console import Console
 
 from autonomy.errors import ExitCode
-from autonomy.model import Ending
+from autonomy.mission.flown import FlownLeg
+from autonomy.model import Ending, LegKind
 from autonomy.report import EXIT_CODES, FlightReport, report_table
+from autonomy.t3drm.bound import PathBound
+from autonomy.t3drm.timing import ComputationTime
 
 
 def told(report: FlightReport) -> str:
@@ -52,3 +56,40 @@ def test_what_happened_below_the_plan_is_told() -> None:
     assert "door, seed 4" in text
     assert "3 ticks are missing" in text
     assert "[red]now[/red]" in text
+
+
+def flown(**fields: object) -> str:
+    base = FlightReport(ending=Ending.GOAL_REACHED, why="there", exit_code=0, route_ned_m=())
+    return told(msgspec.structs.replace(base, **fields))
+
+
+@pytest.mark.parametrize(("length_m", "word"), [(9.0, "kept"), (12.6, "NOT KEPT")])
+def test_the_bound_on_the_path_is_told_with_what_it_is_made_of(length_m: float, word: str) -> None:
+    text = flown(path_length_m=length_m, path_bound=PathBound(12.5, 5.0, 6.7, 1), side_changes=2)
+    assert f"12.50 m, {word}: 5.00 m straight and 6.70 m round what was met" in text
+    assert "side changes" in text
+    assert ("NOT" in text) is (word == "NOT KEPT")
+
+
+def test_a_flight_that_planned_nothing_has_no_bound_to_tell() -> None:
+    assert "path bound" not in flown(path_bound=PathBound(0.25, 0.0, 0.0, 0))
+
+
+def test_the_radii_of_the_ricci_flow_are_told_with_the_metres_flown_at_them() -> None:
+    legs = (
+        FlownLeg(3.0, LegKind.TANGENT, 0.23, 1.5),
+        FlownLeg(9.0, LegKind.ARC, 0.2, 0.25),
+        FlownLeg(12.0, LegKind.TANGENT, 0.23, 2.0),
+    )
+    assert "3.50 m at 0.230 m, 0.25 m at 0.200 m" in flown(legs=legs)
+
+
+def test_algorithm_1_is_told_from_start_to_completion() -> None:
+    record = ComputationTime(10.0)
+    for stamp_s, seconds in ((11.0, 0.002), (12.0, 0.001), (13.0, 0.004)):
+        record.replanned(stamp_s, seconds, 1, 0.23)
+    record.completed(52.5)
+    text = " ".join(flown(timing=record.record()).split())
+    assert "7.0 ms in 3 plans, least 1.00, median 2.00, longest 4.00 ms" in text
+    assert "completed 42.5 s after the start" in text
+    assert "Eq. 8/9 radius 0.229 m" in text
