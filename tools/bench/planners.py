@@ -197,7 +197,7 @@ class Campaign:
     reaches: tuple[Reach, ...]
     bends: tuple[Bend, ...]
     growth: tuple[Growth, ...]
-    steps: tuple[steps.Step, ...] = ()
+    taken: tuple[steps.Step, ...] = ()
 
 
 def repeated(planner: Baseline, problem: Map) -> Answer:
@@ -443,7 +443,7 @@ def run(options: argparse.Namespace) -> None:
     barn = barn_maps(options.barn) if options.barn is not None else ()
     taken = steps.campaign(options.flights, barn)
     measured = campaign(chosen, options.maps, options.sampling_maps, at_once=options.at_once)
-    measured = dataclasses.replace(measured, steps=taken)
+    measured = dataclasses.replace(measured, taken=taken)
     page = report.planner_section(measured)
     sys.stdout.write(page + "\n")
     if options.write:

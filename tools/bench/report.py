@@ -56,8 +56,8 @@ def planner_section(measured: Campaign) -> str:
         parts.append(f"### {kind[0].upper()}{kind[1:]}")
         parts.append(race_table([t for t in measured.trials if kind_of(t.family) == kind]))
     parts += ["### Family by family", family_table(measured)]
-    if measured.steps:
-        parts += ["### One planning step in flight", step_table(measured.steps)]
+    if measured.taken:
+        parts += ["### One planning step in flight", step_table(measured.taken)]
     if measured.bends:
         parts += ["### Conics against arcs", bend_table(measured)]
     if measured.growth:
