@@ -50,15 +50,16 @@ _FIRST_HEARTBEAT_S = 1.4
 _NO_GNSS = "Preflight: GPS fix too low"
 # Measured vertical profiles: velocity per height still to go, its limit and slew.
 _TAKEOFF_GAIN_PER_S, _TAKEOFF_MAX_M_S = 0.5, 0.77
-_RETURN_CLIMB_GAIN_PER_S = 0.4
+_RETURN_CLIMB = 0.8  # m/s per root of the metres still to climb
 _CLIMB_SLEW_M_S2 = 0.8
 _RETURN_CLIMB_SLEW_M_S2 = 2.5
 _DESCENT_SLEW_M_S2 = 1.5
 _CRAWL_BELOW_M = 0.9
 # Return: the height over home is this times the distance (measured twice), horizontally homing.
 _RETURN_CONE = math.sqrt(3.0)
+_RETURN_REACHED_M = 0.5
 _RETURN_CLIMB_S = 0.7  # at least, unless nothing is to be climbed
-_HOMING_GAIN_PER_S, _HOMING_MAX_M_S = 0.6, 1.5
+_HOMING_GAIN_PER_S, _HOMING_MAX_M_S = 0.45, 2.0
 
 _NAMES = {
     Mode.MANUAL: "Manual",
@@ -739,7 +740,7 @@ class Autopilot:
         self._entered = mode
         self._stop_here()
         if mode is Mode.RETURN:
-            self._plan_return(self.estimated_position_ned_m)
+            self._plan_return(self._braking.end_ned_m)
         if mode is Mode.MISSION:
             self._mission_lands = False
             self.mission.enter()
@@ -753,6 +754,7 @@ class Autopilot:
         self._vertical_sp_m_s = moving[2] if self._airborne else 0.0
 
     def _plan_return(self, here: Vector3) -> None:
+        """Climb so high that the cone over home is reached from `here`, where it will stand."""
         home = self._home_ned_m
         height = home[2] - here[2]
         away = math.hypot(here[0] - home[0], here[1] - home[1])
@@ -857,9 +859,17 @@ class Autopilot:
         return self._locked(self._slew(self._climb_rate(to_go), _CLIMB_SLEW_M_S2, dt_s))
 
     def _descend(self, dt_s: float) -> Command:
-        crawl = self.quadrotor.height_m < _CRAWL_BELOW_M
-        speed = float(self.parameters["MPC_LAND_CRWL" if crawl else "MPC_LAND_SPEED"])
-        return self._locked(self._slew(speed, _DESCENT_SLEW_M_S2, dt_s))
+        return self._locked(self._slew(self._descent_m_s(), _DESCENT_SLEW_M_S2, dt_s))
+
+    def _descent_m_s(self) -> float:
+        """PX4's landing speed by height: fast above MPC_LAND_ALT1, at last a crawl."""
+        p, height_m = self.parameters, self.quadrotor.height_m
+        if height_m < _CRAWL_BELOW_M:
+            return float(p["MPC_LAND_CRWL"])
+        low_m, high_m = float(p["MPC_LAND_ALT2"]), float(p["MPC_LAND_ALT1"])
+        slow, fast = float(p["MPC_LAND_SPEED"]), float(p["MPC_Z_V_AUTO_DN"])
+        share = min(max((height_m - low_m) / max(high_m - low_m, 1e-6), 0.0), 1.0)
+        return slow + share * (fast - slow)
 
     def _return(self, dt_s: float) -> Command:
         home, here = self._home_ned_m, self.estimated_position_ned_m
@@ -867,12 +877,12 @@ class Autopilot:
         away = math.hypot(north, east)
         if self._return_phase == "climb":
             to_go = self._return_height_m - (home[2] - here[2])
-            radius_m = float(self.parameters["NAV_MC_ALT_RAD"])
+            radius_m = _RETURN_REACHED_M
             if to_go > 0.0 and self._now_s - self._return_s < _RETURN_CLIMB_S:
                 radius_m = 0.0
             if to_go > radius_m and self._airborne:
                 fastest = float(self.parameters["MPC_Z_V_AUTO_UP"])
-                rate = -min(_RETURN_CLIMB_GAIN_PER_S * to_go, fastest)
+                rate = -min(_RETURN_CLIMB * math.sqrt(to_go), fastest)
                 return self._locked(self._slew(rate, _RETURN_CLIMB_SLEW_M_S2, dt_s))
             self._return_phase = "fly"
         if self._return_phase == "fly" and away < float(self.parameters["NAV_ACC_RAD"]):
