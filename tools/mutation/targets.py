@@ -53,7 +53,7 @@ TARGETS: dict[str, Target] = {
     ),
     "guard": Target(
         Path("hal/vehicle/guard.py"),
-        (f"{GUARD}.py", f"{GUARD}_surfaces.py", f"{GUARD}_flights.py"),
+        tuple(f"{GUARD}{part}.py" for part in ("", "_surfaces", "_borders", "_flights")),
     ),
     "outline-kernels": Target(
         KERNELS,
