@@ -43,10 +43,10 @@ def support_vertices(drone: Point, hull: tuple[Point, ...]) -> tuple[Point, Poin
 
     None when the drone stands inside the hull or on it. A hull of one point gives it twice.
     """
-    if not hull or (len(hull) > 2 and inside_hull(drone, hull)):
+    if not hull or inside_hull(drone, hull):
         return None
-    middle = bearing(drone, _centroid(hull))
-    ranked = sorted(hull, key=lambda v: _wrap(bearing(drone, v) - middle))
+    behind = bearing(_centroid(hull), drone)
+    ranked = sorted(hull, key=lambda v: (bearing(drone, v) - behind) % math.tau)
     return ranked[0], ranked[-1]
 
 
@@ -80,7 +80,7 @@ def fly_by(
     if min(to_drone, to_goal) <= periapsis_m:
         return None
     at_drone = bearing(vertex, drone)
-    sweep = (sense * (bearing(vertex, goal) - at_drone)) % (2.0 * math.pi)
+    sweep = (sense * (bearing(vertex, goal) - at_drone)) % math.tau
     ratio = periapsis_m / to_drone
     anomaly = kernels.fly_by_anomaly(ratio, periapsis_m / to_goal, sweep)
     if math.isnan(anomaly):
@@ -104,7 +104,3 @@ def fly_by(
 
 def _centroid(hull: tuple[Point, ...]) -> Point:
     return (sum(v[0] for v in hull) / len(hull), sum(v[1] for v in hull) / len(hull))
-
-
-def _wrap(angle_rad: float) -> float:
-    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi

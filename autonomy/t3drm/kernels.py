@@ -1875,8 +1875,7 @@ def fly_by_anomaly(ratio_d: float, ratio_g: float, sweep: float) -> float:
     for _ in range(64):
         middle = 0.5 * (low + high)
         d, g = ratio_d - math.cos(middle), ratio_g - math.cos(sweep - middle)
-        falls = d <= 0.0 or (g > 0.0 and (1.0 - ratio_d) * g > (1.0 - ratio_g) * d)
-        if falls:
+        if (1.0 - ratio_d) * g > (1.0 - ratio_g) * d:
             low = middle
         else:
             high = middle
