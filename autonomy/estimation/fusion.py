@@ -16,6 +16,7 @@ from hal.frames import (
     Vector3,
     add,
     ned_from_geodetic,
+    norm,
     rotate_frd_to_ned,
     scale,
     subtract,
@@ -24,6 +25,7 @@ from hal.frames import (
 from hal.readings import Attitude, GnssFix, LocalPosition, RangeReading, RangeStatus
 
 UNKNOWN_SIGMA_M = 1000.0
+_MOVING_M_S = 0.001  # slower than that, two messages of one place are no wonder
 """Position uncertainty before anything was measured (finite, so that it can be logged as JSON)."""
 ORIGIN_FIXES = 10
 """So many GNSS fixes are averaged against the local position to learn where its origin is."""
@@ -109,6 +111,7 @@ class Fusion:
         self._fused_s = -math.inf
         """Stamp of the last local position that was fused."""
         self._reset_counter = 0
+        self._newest: LocalPosition | None = None
         self._rejected_in_a_row = 0
         self._gnss_stamp_s = -math.inf
         self._gnss_rejected_in_a_row = 0
@@ -132,7 +135,8 @@ class Fusion:
         placed in the old one has to be moved by as much.
         """
         shift = ZERO3
-        if local_position is not None and local_position.stamp_s > self._filter_s:
+        new = local_position is not None and local_position.stamp_s > self._filter_s
+        if local_position is not None and new and not self._repeats(local_position):
             shift = self._take_local(local_position)
         if self._filter_s > -math.inf:
             if gnss is not None and gnss.stamp_s > self._gnss_stamp_s:
@@ -142,6 +146,20 @@ class Fusion:
         return self._state(now_s, attitude, shift)
 
     # ------------------------------------------------------------ local position
+
+    def _repeats(self, local: LocalPosition) -> bool:
+        """True for a message that moves and is at the very same place as the one before it.
+
+        Whoever sends that sends an old estimate with new stamps: what moves is not where it was.
+        """
+        before, self._newest = self._newest, local
+        return (
+            before is not None
+            and local.stamp_s > before.stamp_s
+            and norm(local.velocity_ned_m_s) > _MOVING_M_S
+            and local.position_ned_m == before.position_ned_m
+            and local.velocity_ned_m_s == before.velocity_ned_m_s
+        )
 
     def _take_local(self, local: LocalPosition) -> Vector3:
         """Fuse a new local position; returns how far the frame jumped."""

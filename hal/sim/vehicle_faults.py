@@ -62,6 +62,7 @@ class VehicleFaults:
         }
         self._setpoint_due_s = -math.inf
         self._drained = False
+        self._worst = 1.0
         self.blind = False
         """True while the receiver has no fix."""
         self.second_companion = False
@@ -88,6 +89,7 @@ class VehicleFaults:
         if levels or self._drained:
             pilot.battery_override = min(levels, default=None)
             self._drained = bool(levels)
+            self._guard_battery()
         blind = any(isinstance(f, GnssLoss) for f in active)
         if blind or self.blind:
             pilot.gnss_fix, self.blind = not blind, blind
@@ -102,6 +104,21 @@ class VehicleFaults:
         pilot.refuse("arm", (arming[0].reason, ARMING_REFUSAL) if arming else ())
         announced = [f.reason for f in arming if f.announced]
         pilot.set_fault(announced[0] if announced else "")
+
+    def _guard_battery(self) -> None:
+        """PX4's own failsafe: Land (COM_LOW_BAT_ACT 2) or Return (3), each level once a flight."""
+        pilot = self._autopilot
+        if not pilot.airborne:
+            self._worst = 1.0
+            return
+        p, level = pilot.parameters, pilot.battery_remaining
+        action = int(p["COM_LOW_BAT_ACT"])
+        critical, emergency = float(p["BAT_CRIT_THR"]), float(p["BAT_EMERGEN_THR"])
+        if action in (2, 3) and level <= emergency < self._worst:
+            pilot.fail_safe(Mode.LAND)
+        elif action in (2, 3) and level <= critical < self._worst:
+            pilot.fail_safe(Mode.LAND if action == 2 else Mode.RETURN)
+        self._worst = min(self._worst, level)
 
     def _count_refusals(self, active: tuple[FaultWindow, ...]) -> None:
         for what, kind in (("offboard", OffboardRefused), ("arm", ArmingRefused)):

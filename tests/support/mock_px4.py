@@ -22,8 +22,8 @@ def free_udp_port() -> int:
 class MockProcess:
     """`with MockProcess(tmp_path) as mock:` waits until it is up, and ends it cleanly."""
 
-    def __init__(self, folder: Path, *options: str) -> None:
-        self.port = free_udp_port()
+    def __init__(self, folder: Path, *options: str, port: int | None = None) -> None:
+        self.port = port or free_udp_port()
         self.truth_path = folder / "truth.jsonl"
         self._command = [
             *(sys.executable, "-m", "hal.sim.mock_px4", "--port", str(self.port)),
@@ -68,9 +68,11 @@ class MockProcess:
         assert errors == ""
         return process.returncode
 
-    def truth(self) -> list[dict[str, Any]]:
-        """Every complete line of the truth file."""
-        lines = self.truth_path.read_text().splitlines()
+    def truth(self, vehicle: int = 1) -> list[dict[str, Any]]:
+        """Every complete line of the truth file, of the first vehicle or of another."""
+        path = self.truth_path
+        path = path if vehicle == 1 else path.with_stem(f"{path.stem}-{vehicle}")
+        lines = path.read_text().splitlines()
         return [json.loads(line) for line in lines if line.endswith("}")]
 
     def wait_for_truth(

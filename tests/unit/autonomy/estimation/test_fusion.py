@@ -231,6 +231,26 @@ def test_a_jump_that_lasts_stops_the_flight_and_then_is_taken_as_a_moved_frame()
     assert states[-1].frame_shift_ned_m == pytest.approx((0.5, -0.4, 0.0), abs=1e-6)
 
 
+def test_an_old_estimate_with_new_stamps_is_not_flown_by() -> None:
+    """What moves is not where it was: the very same numbers again are no news."""
+    estimator = fusion()
+    moving, there = (0.2, 0.0, 0.0), (1.0, 2.0, -0.8)
+    for i in range(21):
+        now_s = i * TICK_S
+        state = estimator.step(now_s, local(now_s, there, moving), attitude(now_s), None, ())
+    assert not state.ok
+    assert state.why_not_ok == "local position is 1.00 s old"
+
+
+@pytest.mark.parametrize("velocity", [ZERO3, (0.0005, 0.0, 0.0)])
+def test_a_vehicle_that_stands_may_repeat_itself(velocity: Vector3) -> None:
+    estimator = fusion()
+    for i in range(41):
+        now_s = i * TICK_S
+        state = estimator.step(now_s, local(now_s, ZERO3, velocity), attitude(now_s), None, ())
+    assert state.ok
+
+
 def test_rejections_must_be_in_a_row() -> None:
     estimator = fusion()
     now_s = settle(estimator)
