@@ -156,10 +156,10 @@ ADVICE: tuple[Advice, ...] = (
     Advice(
         "NAV_RCL_ACT",
         int,
-        _one_of(1, 3, 0),
+        _one_of(1, 3, 0, 7),
         "when the transmitter's signal is lost PX4 should hold (1) or land (3); its default 2 "
         "climbs and returns. Not seen when the signal was never there",
-        "[failsafe.cpp]; [measured] with no transmitter",
+        "[failsafe.cpp]; [measured] with no transmitter; 7 (Hold as a change of mode) is of 1.18",
     ),
     Advice(
         "COM_RCL_EXCEPT",
@@ -234,7 +234,7 @@ ADVICE: tuple[Advice, ...] = (
         "COM_LOW_BAT_ACT",
         int,
         _one_of(2, 0),
-        "with a low battery PX4 should land (2); 1, 3 and 5 return first, which climbs",
+        "with a low battery PX4 should land (2); 3 and 5 return first, which climbs",
         "[failsafe.cpp]; [notes 1.18 rc2]: 5 is new",
     ),
     Advice(

@@ -4,7 +4,7 @@ PX4 tells in EVENT (410) which check failed and which modes that forbids; ground
 words up in metadata of the exact build. Here is a small table of the checks of a multicopter, by
 their names; an event's id is the component over 24 bits of its name's FNV-1a hash (verified with
 ids measured on PX4 main bb59c637cd, 2026-11). Sources: PX4's src/modules/commander/
-HealthAndArmingChecks/checks, main, 2026.
+HealthAndArmingChecks/checks of 1.15.4, 1.18.0-rc1 and main, 2026.
 """
 
 import struct
@@ -71,6 +71,43 @@ CHECKS: dict[str, str] = {
     "check_mag_not_calibrated": "a compass is not calibrated",
     "check_mag_consistency": "the compasses disagree: check how they are mounted, calibrate",
     "check_mag_sys_has_mag_missing": "fewer compasses than SYS_HAS_MAG asks for",
+    "check_mag_fault": "the estimator finds a compass at fault: calibrate it",
+    "check_gyro_missing": "a gyroscope is missing",
+    "check_gyro_no_data": "a gyroscope sends nothing",
+    "check_gyro_not_calibrated": "a gyroscope is not calibrated",
+    "check_baro_missing": "a barometer is missing (SYS_HAS_BARO)",
+    "check_baro_no_data": "a barometer sends nothing",
+    "check_imu_accel_inconsistent": "the accelerometers disagree: calibrate them",
+    "check_imu_gyro_inconsistent": "the gyroscopes disagree: calibrate them",
+    "check_optical_flow_sensor_invalid": "the optical flow sensor sends nothing usable",
+    "check_optical_sensor_missing": "the optical flow sensor is missing (SYS_HAS_NUM_OF)",
+    "check_distance_sensor_missing": "a range sensor of the autopilot is missing "
+    "(SYS_HAS_NUM_DIST)",
+    "check_distance_sensor_invalid": "a range sensor of the autopilot measures nothing",
+    "check_cpuload_too_high": "the autopilot's processor is overloaded",
+    "check_ram_usage_too_high": "the autopilot's memory is full",
+    "check_missing_fmu_sdcard": "the autopilot has no memory card",
+    "check_hardfault_present": "the autopilot crashed before: read its crash log",
+    "check_man_control_kill_engaged": "the kill switch of the transmitter is engaged",
+    "check_man_control_rtl_engaged": "the return switch of the transmitter is engaged",
+    "check_escs_offline": "a motor controller does not answer",
+    "check_escs_fault": "a motor controller reports a fault",
+    "check_failure_detector_motor": "a motor is found to have failed",
+    "check_failure_detector_roll": "it rolled beyond the failure detector's limit",
+    "check_failure_detector_pitch": "it pitched beyond the failure detector's limit",
+    "check_gf_violation_custom_gf": "it is outside PX4's own fence",
+    "check_gf_violation_max_alt": "it is above PX4's own height limit (GF_MAX_VER_DIST)",
+    "check_gf_violation_max_hor_dist": "it is beyond PX4's own radius (GF_MAX_HOR_DIST)",
+    "check_gf_no_home": "PX4's own fence needs a home position, which there is none of",
+    "check_modes_offboard_signal": "Offboard is selected and no setpoints come",
+    "check_estimator_pos_est_err": "the position is too uncertain",
+    "check_estimator_vel_est_err": "the velocity is too uncertain",
+    "check_estimator_hgt_est_err": "the height is too uncertain",
+    "check_estimator_yaw_est_err": "the heading is too uncertain",
+    "check_battery_preflight_low": "the battery is too low to take off",
+    "check_battery_fault": "the battery reports a fault",
+    "check_open_drone_id_missing": "no remote identification is heard (COM_ARM_ODID)",
+    "check_system_arm_auth_failed": "arming was not authorized (COM_ARM_AUTH_REQ)",
     "check_accel_missing": "an accelerometer is missing",
     "check_accel_no_data": "an accelerometer sends nothing",
     "check_accel_not_calibrated": "an accelerometer is not calibrated",

@@ -14,6 +14,7 @@ import msgspec
 from autonomy import px4_advice
 from autonomy.config import Config
 from autonomy.finding import Finding, Fix, bad, note, ok
+from autonomy.mission.preflight import hold_keeps_down
 from autonomy.px4_health import Event, SensorReport, failed_checks, unwell
 from autonomy.virtual_world import warning
 from hal import registry
@@ -22,6 +23,7 @@ from hal.errors import HalError
 from hal.interfaces import Clock, RangeSensor, WireMessage
 from hal.readings import (
     Attitude,
+    FlightMode,
     GnssFix,
     LandedState,
     LocalPosition,
@@ -231,6 +233,12 @@ def _arming(status: VehicleStatus, look: Look) -> tuple[Finding, ...]:
     found = [bad(f"PX4 does not find its {name} well", "sensors") for name in sick]
     if status.armable:
         return (*found, ok(f"it is ready to arm in {status.mode.value}", "arming"))
+    if hold_keeps_down(status) and not failed_checks(look.events, FlightMode.TAKEOFF.value):
+        sentence = (
+            "it will not arm in hold, which needs a global position; this service arms it in "
+            "Takeoff, which PX4's report does not forbid"
+        )
+        return (*found, note(sentence, "arming"))
     reasons = failed_checks(look.events, status.mode.value) or tuple(dict.fromkeys(look.texts))
     if not reasons:
         reasons = (status.not_armable_because,)
@@ -269,7 +277,7 @@ def _position(status: VehicleStatus, look: Look) -> tuple[Finding, ...]:
         found.append(
             note(
                 "it has no global position: PX4 does not hold or return (Hold is refused, a "
-                "failsafe Hold becomes Land); this service arms it in Takeoff",
+                "failsafe Hold becomes Land)",
                 "position",
             )
         )

@@ -271,6 +271,8 @@ class MavsdkVehicle:
         self._ask_for_rates()
         while self._heartbeat.get() is None:  # noqa: ASYNC110 - the cell's writer knows no event loop
             await asyncio.sleep(_POLL_S)
+        # What stands against arming was told before we came: it is told anew, for those who ask.
+        self._command(_RUN_PREARM_CHECKS, (), lambda *_: None)
         version = await loop.run_in_executor(worker, self._read_version, link)
         for name in PREFLIGHT_PARAMETERS:
             kind = PREFLIGHT_PARAMETERS[name]

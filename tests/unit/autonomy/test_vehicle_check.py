@@ -88,6 +88,21 @@ def test_why_it_will_not_arm_is_told_in_words_by_its_events() -> None:
     assert finding.sentence.startswith("it will not arm in hold: no valid global position")
 
 
+def test_what_keeps_it_down_in_hold_alone_is_no_hindrance() -> None:
+    hold_only = Event(
+        event_id("check_modes_global_pos"), 0x63, tuple(struct.pack("<IB", 1 << 4, 0))
+    )
+    everywhere = Event(
+        event_id("check_mag_missing"), 0x63, tuple(struct.pack("<IB", 0xFFFFFFFF, 0))
+    )
+    status = changed(armable=False, global_position=False)
+    found = wrong(look(status, events=[hold_only]))
+    assert not any(finding.bad for finding in found if finding.subject == "arming")
+    assert any("arms it in Takeoff" in finding.sentence for finding in found)
+    found = wrong(look(status, events=[hold_only, everywhere]))
+    assert any("a compass is missing" in finding.sentence and finding.bad for finding in found)
+
+
 def test_without_events_its_texts_say_why_and_without_texts_its_status() -> None:
     status = changed(armable=False, not_armable_because="it does not say which")
     texts = ["Preflight Fail: compass 0 uncalibrated", "Preflight Fail: compass 0 uncalibrated"]
