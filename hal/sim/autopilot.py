@@ -57,7 +57,7 @@ _DESCENT_SLEW_M_S2 = 1.5
 _CRAWL_BELOW_M = 0.9
 # Return: the height over home is this times the distance (measured twice), horizontally homing.
 _RETURN_CONE = math.sqrt(3.0)
-_RETURN_REACHED_M = 0.5
+_RETURN_REACHED_M, _RETURN_LEVEL_M = 0.5, 0.1
 _RETURN_CLIMB_S = 0.7  # at least, unless nothing is to be climbed
 _HOMING_GAIN_PER_S, _HOMING_MAX_M_S = 0.45, 2.0
 
@@ -170,6 +170,8 @@ class Autopilot:
         self.texts: deque[AutopilotText] = deque(maxlen=256)
         self.events: deque[AutopilotEvent] = deque(maxlen=256)
         self.event_sequence = 0
+        self.home_set_s = 0.0
+        """When home was set last."""
         self.flights = 0
         """How often it has been armed."""
         self.flown_command = Command()
@@ -375,6 +377,7 @@ class Autopilot:
         self._armed_s = self._now_s
         self.flights += 1
         self._home_ned_m = self.estimated_position_ned_m
+        self.home_set_s = self._now_s
         self._airborne = self._flown = False
         self._ramp_s = self._landed_s = self._touch_s = None
         self._entered = None
@@ -760,7 +763,9 @@ class Autopilot:
         away = math.hypot(here[0] - home[0], here[1] - home[1])
         cone = min(_RETURN_CONE * away, float(self.parameters["RTL_RETURN_ALT"]))
         self._return_height_m = max(height, cone)
-        self._return_phase, self._return_s = "climb", self._now_s
+        climbs = self._return_height_m - height > _RETURN_LEVEL_M
+        self._return_phase = "climb"
+        self._return_s = self._now_s + (_RETURN_CLIMB_S if climbs else 0.0)
         amsl = self.origin[2] - home[2] + self._return_height_m
         above_m = math.ceil(self._return_height_m)
         self.say(
@@ -878,7 +883,7 @@ class Autopilot:
         if self._return_phase == "climb":
             to_go = self._return_height_m - (home[2] - here[2])
             radius_m = _RETURN_REACHED_M
-            if to_go > 0.0 and self._now_s - self._return_s < _RETURN_CLIMB_S:
+            if self._now_s < self._return_s:
                 radius_m = 0.0
             if to_go > radius_m and self._airborne:
                 fastest = float(self.parameters["MPC_Z_V_AUTO_UP"])
@@ -927,6 +932,7 @@ class Autopilot:
             self._landed = False
             self._flown = True
             self._landed_s = None
+            self.home_set_s = self._now_s
             self.say(Severity.INFO, "Takeoff detected", events.TAKEOFF_DETECTED)
         ramp_s = float(self.parameters["MPC_TKO_RAMP_T"])
         early_s = _LIFT_OFF_OFFBOARD_S if self.mode is Mode.OFFBOARD else _LIFT_OFF_AUTO_S

@@ -34,12 +34,21 @@ Message = Any  # pymavlink is untyped
 
 _SENSORS_PRESENT, _SENSORS_ENABLED, _SENSORS_HEALTH = 0x0300C02F, 0x0301C02F, 0x1320C83F
 _PREARM_CHECK = 0x10000000
-_UNKNOWN_COVARIANCE = [math.nan] + [0.0] * 20
+_POSE_VARIANCES = (0.041, 0.041, 5e-4, 1.5e-5, 1.4e-5, 3.6e-4)
+_VELOCITY_VARIANCES = (8.4e-3, 8.5e-3, 9.4e-4, 0.0, 0.0, 0.0)
 _FULL_MV, _HALF_MV = 16200, 15300
 _EARLY_TICK_S = 1e-6
 _NO_MISSION_TOTAL = 65535
 
 _FIX_TYPES = {fix: number for number, fix in enumerate(FixType)}
+
+
+def _diagonal(variances: tuple[float, ...]) -> list[float]:
+    """The upper triangle of a diagonal covariance, row by row."""
+    triangle: list[float] = []
+    for row, variance in enumerate(variances):
+        triangle += [variance] + [0.0] * (len(variances) - row - 1)
+    return triangle
 
 
 class Stream(NamedTuple):
@@ -190,8 +199,8 @@ def odometry(plant: Plant) -> Message | None:
         0.0,
         0.0,
         rate,
-        _UNKNOWN_COVARIANCE,
-        _UNKNOWN_COVARIANCE,
+        _diagonal(_POSE_VARIANCES),
+        _diagonal(_VELOCITY_VARIANCES),
         reset_counter=heard.reset_counter,
         estimator_type=mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
         quality=0,
@@ -259,7 +268,7 @@ def mission_current(plant: Plant) -> Message:
 
 
 def home_position(plant: Plant) -> Message | None:
-    """HOME_POSITION: set anew at each arming; there is none without a global position."""
+    """HOME_POSITION: set anew at each arming and take-off; none without a global position."""
     pilot = plant.autopilot
     if not pilot.global_position:
         return None
@@ -273,7 +282,7 @@ def home_position(plant: Plant) -> Message | None:
         0.0,
         0.0,
         0.0,
-        boot_us(plant),
+        round(pilot.home_set_s * 1e6),
     )
 
 

@@ -38,6 +38,7 @@ COMPANION = (1, 158)
 _HEARTBEAT_TYPES = {STATION: mavlink.MAV_TYPE_GCS, COMPANION: mavlink.MAV_TYPE_ONBOARD_CONTROLLER}
 _HEARTBEAT_S = 1.0
 _WAIT_S, _SILENCE_S = 0.01, 30.0
+_MEET_STEPS = 20_000  # a real vehicle may still be starting
 
 
 class Heard:
@@ -153,20 +154,28 @@ class Link(ABC):
         self._repeated[name] = Repeated(send, period_s)
         self._repeated[name].run(self.now_s)
 
-    def cease(self, name: str) -> None:
-        """No more of that."""
-        self._repeated.pop(name, None)
+    def cease(self, name: str) -> bool:
+        """No more of that; False when it was not repeated."""
+        return self._repeated.pop(name, None) is not None
 
     def beat(self, who: tuple[int, int]) -> None:
         """Send heartbeats of `who` from now on."""
         heartbeat = mavlink.MAVLink_heartbeat_message(_HEARTBEAT_TYPES[who], 8, 0, 0, 0, 3)
         self.repeat(f"heartbeat {who}", lambda: self.send(heartbeat, who), _HEARTBEAT_S)
 
-    def hush(self, who: tuple[int, int]) -> None:
-        """No more heartbeats of `who`."""
-        self.cease(f"heartbeat {who}")
+    def hush(self, who: tuple[int, int]) -> bool:
+        """No more heartbeats of `who`; False when there were none."""
+        return self.cease(f"heartbeat {who}")
 
     # ------------------------------------------------------------ hearing
+
+    def meet(self) -> None:
+        """Wait until the vehicle's clock and heartbeat are known."""
+        for _ in range(_MEET_STEPS):
+            if self.now_s > 0.0 and 0 in self._last_frame:
+                return
+            self.step()
+        raise AssertionError("no HEARTBEAT, or nothing with the vehicle's time, was heard")
 
     def step(self) -> None:
         """Let a little time pass: hear, then send what is due."""

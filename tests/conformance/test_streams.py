@@ -134,6 +134,9 @@ def test_home_is_where_it_was_armed_the_origin_stays(vehicle: Vehicle, needs: Ne
     assert home is not None
     assert (home.x, home.y) == pytest.approx((x, y), abs=0.3)
     assert home.z == pytest.approx(z, abs=0.5)
+    taken_off = vehicle.link.since(0.0, "STATUSTEXT")
+    at_s = [h.at_s for h in taken_off if h.message.text == "Takeoff detected\t"][-1]
+    assert home.time_usec * 1e-6 == pytest.approx(at_s, abs=0.3)
     assert vehicle.ask(512, 49.0) == 0
     vehicle.link.run(0.2)
     origin = vehicle.link.last(49)

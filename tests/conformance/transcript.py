@@ -128,21 +128,24 @@ def _align(
 ) -> list[Row]:
     rows, next_ours = [], 0
     for entry in theirs:
-        found = next((i for i in range(next_ours, len(ours)) if _is_it(entry, ours[i])), None)
+        shift_s = _shift(entry.options.since, expected, seen)
+        found = next(
+            (i for i in range(next_ours, len(ours)) if _is_it(entry, ours[i], shift_s)), None
+        )
         if found is None:
             if not entry.options.brief:
                 rows.append(Row(entry.channel, entry.what, entry.at_s, math.nan, entry.tolerance_s))
             continue
         rows += [_surplus(s) for s in ours[next_ours:found]]
         next_ours = found + 1
-        at_s = ours[found].at_s - _shift(entry.options.since, expected, seen)
+        at_s = ours[found].at_s - shift_s
         rows.append(Row(entry.channel, ours[found].what, entry.at_s, at_s, entry.tolerance_s))
     return rows + [_surplus(s) for s in ours[next_ours:]]
 
 
-def _is_it(entry: Expected, seen: Seen) -> bool:
+def _is_it(entry: Expected, seen: Seen, shift_s: float) -> bool:
     """What may be missing is only itself at its time; else the same words could come later."""
-    near = abs(seen.at_s - entry.at_s) <= entry.tolerance_s
+    near = abs(seen.at_s - shift_s - entry.at_s) <= entry.tolerance_s
     return entry.matches(seen.what) and (near or not entry.options.brief)
 
 

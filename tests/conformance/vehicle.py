@@ -23,6 +23,7 @@ _MODES = {
 _ARMED = 128
 _ARM, _TAKEOFF, _LAND, _SET_MODE, _REPOSITION = 400, 22, 21, 176, 192
 _SET_INTERVAL = 511
+_ARMABLE_S = 20.0
 _NOT_NEEDED = (31, 36, 74, 83, 85, 87, 105, 111, 141, 290, 291, 331)
 _HOLD, _OFFBOARD = (1.0, 4.0, 3.0), (1.0, 6.0, 0.0)
 _VELOCITY_AND_YAW_RATE = 0x5C7
@@ -40,8 +41,8 @@ class Vehicle:
         self.link = link
         self._event_names = event_names
         self._changed: dict[str, float] = {}
+        link.meet()
         link.beat(STATION)
-        link.until(lambda: link.last(0) is not None, 60.0, "first heartbeat")
         # PX4's simulated quadrotor stands still for 10 s a step in an Offboard that never had a
         # setpoint since the start: nothing drives its motors' outputs, on which its time waits.
         self.setpoint((0.0, 0.0, 0.0))
@@ -189,10 +190,10 @@ class Vehicle:
     def standby(self) -> None:
         """Disarmed on the ground in Hold, armable, nothing streamed, default parameters."""
         self.silence()
-        self.link.hush(COMPANION)
         self.link.beat(STATION)
         self.restore()
-        self.link.run(1.2)
+        # A companion that is gone is missed seconds later: not in the middle of what follows.
+        self.link.run(8.0 if self.link.hush(COMPANION) else 1.2)
         if self.armed and not self.on_ground:
             self.ask(_LAND, 0, 0, 0, math.nan, math.nan, math.nan, math.nan)
             self.link.until(lambda: not self.armed, 120.0, "landing")
@@ -213,7 +214,10 @@ class Vehicle:
 
     def take_off(self) -> None:
         """Arm and take off as PX4 does by default; ends in Hold, standing still."""
-        assert self.ask(_ARM, 1.0) == 0, "it does not arm"
+        end_s = self.link.now_s + _ARMABLE_S
+        while self.ask(_ARM, 1.0) != 0:
+            assert self.link.now_s < end_s, "it does not arm"
+            self.link.run(1.0)
         assert self.ask(_TAKEOFF, 0, 0, 0, math.nan, math.nan, math.nan, math.nan) == 0
         self.link.until(lambda: self.mode == "TAKEOFF", 3.0, "take-off mode")
         self.link.until(lambda: self.mode == "HOLD", 30.0, "Hold after take-off")
