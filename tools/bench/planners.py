@@ -9,16 +9,21 @@ import dataclasses
 import math
 import statistics
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from autonomy.config import PlannerConfig
+from autonomy.geometry import bearing
 from autonomy.model import LegKind, Plan
+from autonomy.t3drm import planner as planning
 from autonomy.t3drm.planner import Planner
 from autonomy.t3drm.spherical import Arc, Discs, Route, fence_planes, route_among, shortest_path
 from hal.config import Fence
@@ -52,6 +57,8 @@ BUDGETS_S = (0.01, 0.1, 1.0)
 WITHIN = 1.01
 SPEEDS_M_S = (0.2, 0.5, 1.0)
 LATERAL_M_S2 = 0.5
+GROWTH_MAPS = 5
+WHOLE_GRAPH_MAX = 500
 GROWTH = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 
 
@@ -178,6 +185,8 @@ class Bend:
     radius_conic_m: float
     time_ratios: tuple[float, ...]
     """Conic / arc, one per SPEEDS_M_S."""
+    kink_rad: float
+    """The greatest change of heading where a conic meets what comes before or after it."""
 
 
 @dataclass(frozen=True)
@@ -288,12 +297,28 @@ def bend(problem: Map) -> Bend | None:
         for v in SPEEDS_M_S
     )
     return Bend(
-        length_m(path) / length_m(arcs), tightest_radius_m(arcs), tightest_radius_m(path), times
+        length_m(path) / length_m(arcs),
+        tightest_radius_m(arcs),
+        tightest_radius_m(path),
+        times,
+        greatest_kink_rad(conics),
     )
 
 
-def grow(count: int, seeds: int) -> Iterator[Growth]:
+def greatest_kink_rad(plan: Plan) -> float:
+    """The greatest change of heading at an end of a conic inside the path; 0 without any."""
+    worst = 0.0
+    for before, after in pairwise(plan.legs):
+        if LegKind.HYPERBOLA in (before.kind, after.kind):
+            turn = bearing(*after.points[:2]) - bearing(*before.points[-2:])
+            worst = max(worst, abs(math.remainder(turn, math.tau)))
+    return worst
+
+
+def grow(count: int, seeds: int) -> list[Growth]:
     """Median times with `count` obstacles of which 20 may be in the way."""
+    _say(f"{count} obstacles")
+    TangentRoute().plan(spread_map(20, np.random.default_rng(0)))
     curves: dict[str, list[float]] = {}
     for number in range(seeds):
         problem = spread_map(count, np.random.default_rng(number))
@@ -328,11 +353,11 @@ def grow(count: int, seeds: int) -> Iterator[Growth]:
             repeated(PlanningStep("prefer", ""), hits).seconds
         )
         curves.setdefault("T3DRM, planning step, same map again", []).append(same_again(hits))
-        if count <= 1000:
+        if count <= WHOLE_GRAPH_MAX:
             curves.setdefault("whole tangent graph", []).append(
                 ExactOptimum().plan(problem).seconds
             )
-    return (Growth(count, curve, statistics.median(times)) for curve, times in curves.items())
+    return [Growth(count, curve, statistics.median(times)) for curve, times in curves.items()]
 
 
 def same_again(problem: Map) -> float:
@@ -370,21 +395,22 @@ def one_family(
 
 def _prepare() -> None:
     """What a process does once."""
+    planning.warm_up()
     if sampling.available():
         sampling.seed(sampling.SEED)
 
 
-def all_families(
-    chosen: Sequence[Family], maps: int, sampling_maps: int, at_once: int
-) -> Iterator[tuple[list[Trial | Reach], list[Bend]]]:
-    """Family by family, or `at_once` at a time: all planners of a family in one process."""
+def _done(job: Callable[[], Any]) -> Any:
+    return job()
+
+
+def all_done(jobs: Sequence[Callable[[], Any]], at_once: int) -> list[Any]:
+    """The results of all jobs in turn; `at_once` > 1: so many processes at a time."""
     if at_once < 2:
         _prepare()
-        yield from (one_family(family, maps, sampling_maps) for family in chosen)
-        return
+        return [job() for job in jobs]
     with ProcessPoolExecutor(at_once, initializer=_prepare) as pool:
-        count = len(chosen)
-        yield from pool.map(one_family, chosen, [maps] * count, [sampling_maps] * count)
+        return list(pool.map(_done, jobs))
 
 
 def campaign(
@@ -394,23 +420,21 @@ def campaign(
     growth: Iterable[int] = GROWTH,
     at_once: int = 1,
 ) -> Campaign:
-    """Run everything, saying what is being done."""
+    """Run everything but flights, saying what is being done. All planners of a family are raced
+    in one process.
+    """
     if not sampling.available():
         _say(sampling.MISSING)
-    found: list[Trial | Reach] = []
-    bends: list[Bend] = []
-    for raced, bent in all_families(chosen, maps, sampling_maps, at_once):
-        found.extend(raced)
-        bends.extend(bent)
-    curves: list[Growth] = []
-    for count in growth:
-        _say(f"{count} obstacles")
-        curves.extend(grow(count, 9))
+    families = [partial(one_family, family, maps, sampling_maps) for family in chosen]
+    curves = [partial(grow, count, GROWTH_MAPS) for count in growth]
+    done = all_done([*families, *curves], at_once)
+    raced, grown = done[: len(families)], done[len(families) :]
+    found = [f for trials, _ in raced for f in trials]
     return Campaign(
         tuple(f for f in found if isinstance(f, Trial)),
         tuple(f for f in found if isinstance(f, Reach)),
-        tuple(bends),
-        tuple(curves),
+        tuple(b for _, bends in raced for b in bends),
+        tuple(g for rows in grown for g in rows),
     )
 
 
@@ -429,7 +453,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--flights", type=int, default=12, help="wall and BARN worlds flown for planning steps"
     )
     parser.add_argument(
-        "--at-once", type=int, default=1, help="families raced at once, each in one process"
+        "--at-once", type=int, default=1, help="processes; a family is always raced in one"
     )
     parser.add_argument("--write", action="store_true", help="renew tools/bench/README.md")
 
@@ -441,9 +465,9 @@ def run(options: argparse.Namespace) -> None:
     chosen = families(options.barn)
     _say("planning steps of flights")
     barn = barn_maps(options.barn) if options.barn is not None else ()
-    taken = steps.campaign(options.flights, barn)
+    groups = all_done(steps.jobs(options.flights, barn), options.at_once)
     measured = campaign(chosen, options.maps, options.sampling_maps, at_once=options.at_once)
-    measured = dataclasses.replace(measured, taken=taken)
+    measured = dataclasses.replace(measured, taken=steps.together(groups))
     page = report.planner_section(measured)
     sys.stdout.write(page + "\n")
     if options.write:

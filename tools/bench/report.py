@@ -29,6 +29,8 @@ from tools.bench.steps import Step
 
 HERE = Path(__file__).resolve().parent
 README = HERE / "README.md"
+TIGHT_M = 1.0
+"""Wider bends are as good as straight at the speeds of the table."""
 KINDS = ("discs", "walls", "walls and discs", "BARN")
 
 
@@ -295,7 +297,10 @@ def bend_table(measured: Campaign) -> str:
     bends = measured.bends
     rows = [
         ("length", [b.ratio for b in bends]),
-        ("greatest curvature", [b.radius_arc_m / b.radius_conic_m for b in bends]),
+        (
+            f"greatest curvature, where the arc's radius is below {TIGHT_M:g} m",
+            [b.radius_arc_m / b.radius_conic_m for b in bends if b.radius_arc_m < TIGHT_M] or [1.0],
+        ),
     ]
     rows += [
         (f"time at {speed:g} m/s", [b.time_ratios[k] for b in bends])
@@ -315,6 +320,9 @@ def bend_table(measured: Campaign) -> str:
         shown = [f"{percentile(ratios, p):.4f}" for p in (5, 50, 95, 100)]
         better = sum(r < 1.0 - 1e-9 for r in ratios) / len(ratios)
         lines.append(f"| {name} | {' | '.join(shown)} | {100 * better:.0f} % |")
+    kinks = [math.degrees(b.kink_rad) for b in bends]
+    shown = [f"{percentile(kinks, p):.1f}°" for p in (5, 50, 95, 100)]
+    lines.append(f"| greatest kink at a conic's end | {' | '.join(shown)} | - |")
     return "\n".join(lines)
 
 

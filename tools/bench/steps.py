@@ -4,10 +4,12 @@ The questions are of two sorts: maps made from seeds, and the questions that sim
 to, with the hits that were known then. Times are CPU time of the thread, the median of REPEATS.
 """
 
+import dataclasses
 import math
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,20 +113,6 @@ def barn_world(problem: Map) -> Scenario:
     return Scenario(name="BARN", obstacles=discs, goal_ne_m=(n1 - n0, e1 - e0), fence=fence)
 
 
-def all_questions(flights: int, barn: Sequence[Map]) -> Iterator[tuple[str, Question]]:
-    """(group, question): seeded maps, then flights of shipped scenarios, wall and BARN worlds."""
-    yield from random_questions(10 * flights)
-    for name in shipped_scenarios():
-        for question in flown_questions(load_scenario(name), 0, "stop"):
-            yield "flights: shipped scenarios", question
-    for number in range(flights):
-        for question in flown_questions(wall_world(number), number, "rolling"):
-            yield "flights: 16 walls, 12 m", question
-    for problem in barn[:: max(1, len(barn) // max(1, flights))][:flights]:
-        for question in flown_questions(barn_world(problem), 0, "rolling"):
-            yield "flights: BARN", question
-
-
 def measured(group: str, question: Question) -> Step:
     """The cost of one question."""
     planner = Planner(PlannerConfig(), BODY_M, question.fence)
@@ -142,12 +130,39 @@ def measured(group: str, question: Question) -> Step:
     return Step(group, question.hits.shape[0], first, again)
 
 
-def campaign(flights: int, barn: Sequence[Map]) -> tuple[Step, ...]:
-    """Measure everything; questions of flights with many hits count in a group of their own too."""
-    steps = [measured(group, question) for group, question in all_questions(flights, barn)]
-    many = [
-        Step(f"flights: {MANY_HITS} hits and more", s.hits, s.cold_s, s.again_s)
-        for s in steps
-        if s.group.startswith("flights") and s.hits >= MANY_HITS
+def measured_flight(group: str, scenario: Scenario, seed: int, mode: str) -> list[Step]:
+    """All questions of one flight."""
+    return [measured(group, question) for question in flown_questions(scenario, seed, mode)]
+
+
+def measured_maps(count: int) -> list[Step]:
+    """All seeded maps."""
+    return [measured(group, question) for group, question in random_questions(count)]
+
+
+def jobs(flights: int, barn: Sequence[Map]) -> list[Callable[[], list[Step]]]:
+    """Seeded maps, then flights of shipped scenarios, `flights` wall and as many BARN worlds."""
+    shipped = [
+        partial(measured_flight, "flights: shipped scenarios", load_scenario(name), 0, "stop")
+        for name in shipped_scenarios()
     ]
-    return (*steps, *many)
+    walls = [
+        partial(measured_flight, "flights: 16 walls, 12 m", wall_world(k), k, "rolling")
+        for k in range(flights)
+    ]
+    chosen = barn[:: max(1, len(barn) // max(1, flights))][:flights]
+    worlds = [
+        partial(measured_flight, "flights: BARN", barn_world(m), 0, "rolling") for m in chosen
+    ]
+    return [partial(measured_maps, 10 * flights), *shipped, *walls, *worlds]
+
+
+def together(groups: Sequence[Sequence[Step]]) -> tuple[Step, ...]:
+    """All steps; questions of flights with many hits count in a group of their own too."""
+    taken = sorted((step for group in groups for step in group), key=lambda s: s.group)
+    many = [
+        dataclasses.replace(step, group=f"flights: {MANY_HITS} hits and more")
+        for step in taken
+        if step.group.startswith("flights") and step.hits >= MANY_HITS
+    ]
+    return (*taken, *many)
