@@ -149,7 +149,7 @@ def tangents_from(point: Point, centre: Point, radius_m: float) -> Tangents:
     """The tangents from a point to a circle; ValueError when it lies inside."""
     away = distance(point, centre)
     angle = touch_angle(radius_m, away)
-    length = math.sqrt(max(0.0, away * away - radius_m * radius_m))
+    length = math.sqrt(away * away - radius_m * radius_m)
     towards = bearing(point, centre)
     # With the circle on the side of growing angles, the path then turns that way around it.
     return Tangents(

@@ -1,4 +1,5 @@
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.spatial import ConvexHull
 from autonomy.config import PlannerConfig
 from autonomy.geometry import Point, distance
 from autonomy.model import Environment, ObstacleKind
-from autonomy.t3drm.classification import classify
+from autonomy.t3drm.classification import Classification, Linkage, Outlines, classify
 from autonomy.t3drm.hyperbolic import inside_hull
 
 CONFIG = PlannerConfig()
@@ -112,3 +113,57 @@ def test_a_hundred_equal_hits_are_one_point() -> None:
     (obstacle,) = classify(((1.0, 1.0),) * 100, 0.2, CONFIG).obstacles
     assert obstacle.radius_m == 0.0
     assert obstacle.linearity == 0.0
+
+
+@pytest.mark.parametrize("record", [Linkage, Outlines, Classification])
+def test_what_was_classified_cannot_be_changed(record: Any) -> None:
+    assert record.__struct_config__.frozen
+
+
+def test_one_hit_lives_for_ever_and_is_discrete() -> None:
+    found = classify(((3.0, 4.0),), 0.2, CONFIG)
+    assert found.persistence == (math.inf,)
+    assert found.environment is Environment.DISCRETE
+    (only,) = found.obstacles
+    assert (only.centre, only.radius_m, only.hull, only.hits) == (
+        (3.0, 4.0),
+        0.0,
+        ((3.0, 4.0),),
+        ((3.0, 4.0),),
+    )
+    assert only.death_m == math.inf
+
+
+def test_a_component_as_wide_as_a_discrete_one_may_be_is_discrete() -> None:
+    wide = 2.0 * CONFIG.discrete_radius_m
+    for gap, kind, environment in (
+        (wide, ObstacleKind.DISCRETE, Environment.DISCRETE),
+        (math.nextafter(wide, 9.0), ObstacleKind.CONTINUOUS, Environment.CONTINUOUS),
+    ):
+        found = classify(((0.0, 0.0), (gap, 0.0)), 0.5, CONFIG)
+        assert [o.kind for o in found.obstacles] == [kind]
+        assert found.environment is environment
+
+
+def test_components_come_with_their_own_hits_deaths_and_regularity() -> None:
+    # Keep-out 0.2: joined below 0.4. Between the two rows 0.5, to the last hit exactly 0.4.
+    first = ((0.0, 0.0), (0.3, 0.0), (0.6, 0.0))
+    second = ((1.1, 0.0), (1.4, 0.0), (1.5, 0.0))
+    found = classify((*first, *second, (1.5, 0.4)), 0.2, CONFIG)
+    assert [o.hits for o in found.obstacles] == [first, second, ((1.5, 0.4),)]
+    assert [o.death_m for o in found.obstacles] == pytest.approx([0.25, 0.2, 0.2])
+    assert [o.radius_m for o in found.obstacles] == pytest.approx([0.3, 0.2, 0.0])
+    # Edges 0.3, 0.3; 0.3, 0.1 (mean 0.2, deviation 0.1); none. The one of 0.5 joins nothing.
+    assert [o.regularity for o in found.obstacles] == pytest.approx([1.0, 1.0 / 1.5, 0.0])
+    assert found.persistence == pytest.approx((0.05, 0.15, 0.15, 0.15, 0.2, 0.25, math.inf))
+
+
+def test_hits_of_a_component_need_not_come_one_after_the_other() -> None:
+    hits = ((0.0, 0.0), (5.0, 0.0), (0.1, 0.0), (5.1, 0.0), (9.0, 0.0), (0.2, 0.1))
+    found = classify(hits, 0.2, CONFIG)
+    assert [o.hits for o in found.obstacles] == [
+        ((0.0, 0.0), (0.1, 0.0), (0.2, 0.1)),
+        ((5.0, 0.0), (5.1, 0.0)),
+        ((9.0, 0.0),),
+    ]
+    assert [o.centre[0] for o in found.obstacles] == pytest.approx([0.1, 5.05, 9.0], abs=0.02)
