@@ -38,6 +38,7 @@ from hal.errors import ConnectionFailed
 from hal.frames import Vector3, ned_from_enu, ned_from_frd
 from hal.gnss.autopilot_gnss import AutopilotGnss
 from hal.interfaces import Vehicle
+from hal.sim.faults import check_beams
 from hal.sim.scenario import Scenario, load_scenario, with_faults
 from hal.vehicle.deadman import Deadman
 
@@ -89,6 +90,7 @@ def prepare_with(config: Config, options: FlyOptions) -> Mission:
     virtual = None
     if scenario is not None:
         scenario = with_faults(scenario, options.faults)
+        check_beams(scenario.faults, [mount.name for mount in config.beams.mounts])
         config = with_scenario(config, scenario)
     else:
         driver = typed_driver(options, config.beams.virtual())

@@ -304,9 +304,12 @@ def sim(
 
     Fly it from another terminal: autonomy fly --goal 4,3 --connection udpin://0.0.0.0:14540
     """
+    from hal.config import BeamsConfig
+    from hal.sim.faults import check_beams
     from hal.sim.scenario import load_scenario, with_faults
 
-    with_faults(load_scenario(scenario), faults)  # refused here, with a sentence
+    world = with_faults(load_scenario(scenario), faults)  # refused here, with a sentence
+    check_beams(world.faults, [mount.name for mount in BeamsConfig().mounts])
     if port + vehicles > 65536 or system_id + vehicles > 256:
         raise click.UsageError(
             f"{vehicles} vehicles from port {port} and system id {system_id} on do not fit: "

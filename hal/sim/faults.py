@@ -5,7 +5,7 @@ Nothing else in the simulation knows of them. Which fault comes when is the scen
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 import msgspec
 import numpy as np
@@ -43,16 +43,22 @@ def with_beam_faults(
     lifted off. Raises DocumentError when a fault names a beam that the vehicle does not have.
     """
     mine = tuple(fault for fault in faults if isinstance(fault, BeamKind))
-    for fault in mine:
+    check_beams(mine, sampler.beams)
+    return FaultyBeams(sampler, mine, rng, clock or FaultClock(since_s)) if mine else sampler
+
+
+def check_beams(faults: Iterable[FaultWindow], names: Collection[str]) -> None:
+    """Raise DocumentError when a fault names a beam that is none of `names`."""
+    for fault in faults:
+        if not isinstance(fault, BeamKind):
+            continue
         named = [fault.beam, fault.other] if isinstance(fault, BeamCrosstalk) else [fault.beam]
         for beam in named:
-            if beam is not None and beam not in sampler.beams:
+            if beam is not None and beam not in names:
                 raise DocumentError(
                     f"the scenario's fault {fault.kind} is for beam {beam!r}, which the vehicle "
-                    f"does not have: use one of {', '.join(sampler.beams)}, or leave beam out for "
-                    "all"
+                    f"does not have: use one of {', '.join(names)}, or leave beam out for all"
                 )
-    return FaultyBeams(sampler, mine, rng, clock or FaultClock(since_s)) if mine else sampler
 
 
 class FaultyBeams:
