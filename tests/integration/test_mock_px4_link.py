@@ -37,6 +37,8 @@ def station(mock: MockProcess) -> Iterator[Station]:
 def test_it_streams_without_having_been_asked_at_the_measured_rates(station: Station) -> None:
     counts, boot = Counter[str](), []
     for message in station.messages(3.0):
+        if message.get_type().startswith("UNKNOWN"):
+            continue  # PX4 sends messages that pymavlink does not know, and so does the mock
         assert (message.get_srcSystem(), message.get_srcComponent()) == (1, 1)
         counts[message.get_type()] += 1
         if message.get_type() == "ATTITUDE":
