@@ -5,9 +5,11 @@ import pytest
 
 from hal.config import BeamsConfig, validate_document
 from hal.errors import DocumentError
-from hal.frames import Vector3
-from hal.readings import LocalPosition, RangeReading, RangeStatus
-from hal.sim.faults import PositionFaults, with_beam_faults
+from hal.frames import Vector3, ned_from_geodetic
+from hal.readings import FixType, GnssFix, LocalPosition, RangeReading, RangeStatus
+from hal.sim.fault_clock import FaultClock
+from hal.sim.fault_kinds import parse_fault
+from hal.sim.faults import GnssFaults, PositionFaults, with_beam_faults
 from hal.sim.scenario import BeamSimulation, Scenario, Wall
 from hal.sim.sensors import BeamSampler, SimulatedBeams
 from hal.sim.world import World
@@ -166,3 +168,70 @@ def test_a_noisy_estimator_scatters_on_every_axis() -> None:
     ]
     assert np.std(errors, axis=0) == pytest.approx((0.2, 0.2, 0.2), rel=0.1)
     assert all(math.isfinite(component) for error in errors for component in error)
+
+
+def test_a_bias_moves_what_is_measured_and_no_more_than_the_beam_can_say() -> None:
+    true_m = at(healthy(), 4.0)["front"].range_m
+    for bias_m in (0.05, -0.05):
+        spoilt = at(faulty({"kind": "beam_bias", "beam": "front", "bias_m": bias_m}), 4.0)["front"]
+        assert spoilt.range_m == pytest.approx(true_m + bias_m)
+    beyond = at(faulty({"kind": "beam_bias", "bias_m": 5.0}), 4.0)["front"]
+    assert beyond.status is RangeStatus.OUT_OF_RANGE
+    assert beyond.range_m == beyond.max_m
+    nearer = at(faulty({"kind": "beam_bias", "bias_m": -5.0}), 4.0)["front"]
+    assert nearer.status is RangeStatus.TOO_NEAR
+    assert nearer.range_m == nearer.min_m
+
+
+def test_cross_talk_reports_what_the_other_beam_measured_as_often_as_asked() -> None:
+    crosstalk = {"kind": "beam_crosstalk", "beam": "back", "other": "front", "probability": 0.4}
+    sampler, crossed, heard = faulty(crosstalk), 0, 0
+    for i in range(500):
+        readings = at(sampler, 1.0 + 0.01 * i)
+        if "back" not in readings:
+            continue
+        heard += 1
+        assert readings["back"].beam == "back"
+        crossed += readings["back"].range_m == readings["front"].range_m
+        assert readings["left"].status is RangeStatus.OUT_OF_RANGE
+    assert crossed == pytest.approx(0.4 * heard, abs=0.15 * heard)
+
+
+def test_cross_talk_from_a_beam_that_is_not_there_is_refused() -> None:
+    with pytest.raises(DocumentError, match="beam_crosstalk is for beam 'nose'"):
+        faulty({"kind": "beam_crosstalk", "other": "nose"})
+
+
+# ---------------------------------------------------------------- GNSS
+
+FIX = GnssFix(0.0, FixType.FIX_3D, 47.3977, 8.5456, 488.0, 0.5, 0.8, 12)
+ORIGIN = (47.3977, 8.5456, 488.0)
+
+
+def heard_ne_m(line: str, now_s: float, seed: int = 1) -> tuple[float, float]:
+    """Where a fix of the origin seems to be."""
+    faults = GnssFaults([parse_fault(line)], np.random.default_rng(seed), FaultClock())
+    fix = faults.pass_on(now_s, FIX)
+    assert fix is not None
+    north, east, _ = ned_from_geodetic(fix.latitude_deg, fix.longitude_deg, fix.amsl_m, ORIGIN)
+    return north, east
+
+
+def test_fixes_jump_and_drift_by_metres() -> None:
+    assert heard_ne_m("gnss_jump@2:north_m=5,east_m=-3", 1.0) == pytest.approx((0.0, 0.0))
+    assert heard_ne_m("gnss_jump@2:north_m=5,east_m=-3", 2.0) == pytest.approx((5.0, -3.0))
+    assert heard_ne_m("gnss_drift@2:north_m_s=0,east_m_s=0.2", 12.0) == pytest.approx((0.0, 2.0))
+
+
+def test_noisy_fixes_are_as_noisy_as_asked() -> None:
+    places = [heard_ne_m("gnss_noise:sigma_m=3", 1.0, seed) for seed in range(300)]
+    assert np.std(places, axis=0) == pytest.approx((3.0, 3.0), rel=0.15)
+
+
+def test_without_a_fix_the_receiver_says_so_and_says_nothing_where_it_said_nothing() -> None:
+    faults = GnssFaults([parse_fault("gnss_loss")], np.random.default_rng(1), FaultClock())
+    fix = faults.pass_on(1.0, FIX)
+    assert fix is not None
+    assert not fix.fix_type.has_position
+    assert fix.satellites == 0
+    assert faults.pass_on(1.0, None) is None
