@@ -16,7 +16,15 @@ from hal.config import BeamsConfig
 from hal.errors import DocumentError, ReadingRefused, SensorSilent
 from hal.frames import Vector3, add, scale
 from hal.ranging.virtual_beams import NearMiss, TakeOffFrame, VirtualBeams
-from hal.readings import LocalPosition, RangeReading, RangeStatus
+from hal.readings import (
+    Attitude,
+    FlightMode,
+    LandedState,
+    LocalPosition,
+    RangeReading,
+    RangeStatus,
+    VehicleStatus,
+)
 from hal.setpoints import Request, RequestKind
 from hal.sim.autopilot import Autopilot
 from hal.sim.scenario import Scenario, load_scenario
@@ -245,6 +253,65 @@ async def test_the_least_clearance_is_that_of_the_flight_and_not_of_the_ground(
     missed = here.beams.near_miss
     assert missed.least_m == pytest.approx(0.8, abs=0.1)
     assert missed.collisions == 0
+
+
+async def test_standing_near_something_with_motors_on_is_no_near_miss(
+    bench: Callable[[Scenario], Bench],
+) -> None:
+    here = bench(pillar(0.4))
+    await here.opened()
+    here.ask(RequestKind.ARM)
+    here.fly(1.0)
+    assert here.vehicle.status().armed
+    assert here.beams.near_miss == NearMiss()
+
+
+class Turning:
+    """A pose source whose attitude is 0.1 s newer than its position, turning at 1 rad/s."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def local_position(self) -> LocalPosition:
+        return at(self.now_s, (0.0, 0.0, 0.0))
+
+    def attitude(self) -> Attitude:
+        return Attitude(self.now_s + 0.1, 0.0, 0.0, 0.5, 1.0)
+
+    def status(self) -> VehicleStatus:
+        return VehicleStatus(self.now_s, False, FlightMode.HOLD, LandedState.ON_GROUND, 0.0)
+
+
+class YawNoted:
+    """A room that notes the heading it is looked at from."""
+
+    beams = ("front",)
+    yaw_rad = math.nan
+
+    def sample(
+        self, elapsed_s: float, _position: Vector3, _roll: float, _pitch: float, yaw_rad: float
+    ) -> tuple[RangeReading, ...]:
+        self.yaw_rad = yaw_rad
+        return (RangeReading(elapsed_s, "front", RangeStatus.VALID, 0.5, 1e-4, 0.02, 1.0),)
+
+    def clearance_m(self, _elapsed_s: float, _position: Vector3) -> float:
+        return math.inf
+
+    def touches(self, _elapsed_s: float, _position: Vector3) -> bool:
+        return False
+
+
+async def test_the_heading_is_that_of_the_moment_of_the_position() -> None:
+    source, room, time = Turning(), YawNoted(), LockstepTime()
+    beams = VirtualBeams(room, source, time.clock, new_waiter=time.new_waiter)
+    opening = asyncio.get_running_loop().create_task(beams.open(5.0))
+    while not opening.done():
+        source.now_s += 0.05
+        time.advance(0.05)
+        await asyncio.sleep(0.001)
+    await opening
+    await beams.close()
+    assert room.yaw_rad == pytest.approx(0.4)
 
 
 async def test_flying_through_something_that_is_not_there_is_a_collision(
