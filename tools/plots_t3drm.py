@@ -13,14 +13,17 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
-from autonomy.config import PlannerConfig
+from autonomy.config import Config, PlannerConfig
 from autonomy.geometry import Point
-from autonomy.model import LegKind, Plan
+from autonomy.model import Command, LegKind, MissionState, Plan
+from autonomy.simulation import Simulation, goal_of, with_scenario
 from autonomy.t3drm.classification import classify
 from autonomy.t3drm.hyperbolic import fly_by
 from autonomy.t3drm.planner import Planner
+from autonomy.t3drm.speed import free_volume_m3, volume_rate_per_s
 from autonomy.t3drm.spherical import Arc, Route, shortest_path
 from hal.config import Fence
+from hal.sim.scenario import load_scenario
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -31,6 +34,15 @@ HERE = Path(__file__).resolve().parent.parent / "autonomy" / "t3drm"
 BODY_M = 0.15
 INK, SOFT, PATH, OTHER, GOOD = "#24292f", "#c9d1d9", "#0969da", "#bc4c00", "#1a7f37"
 DOTS_PER_INCH = 90
+RANGE_M = 1.0
+"""Beyond the sensors' range the free sphere does not grow."""
+FLOWN = (
+    MissionState.CRUISE,
+    MissionState.STOP,
+    MissionState.DETECT,
+    MissionState.REPLAN,
+    MissionState.FOLLOW,
+)
 
 
 def tangent_route(axes: Any) -> None:
@@ -152,11 +164,55 @@ def ricci_levels(axes: Any) -> None:
     _titled(axes, "Levels of the flow: a door of 0.42 m opens at the hard floor")
 
 
+def speed_rule(axes: Any) -> None:
+    """Table 2 over a flight of the default scenario: free sphere, sign of its rate, speed limit."""
+    scenario = load_scenario("default")
+    config = with_scenario(Config(), scenario)
+    rows: list[tuple[float, float, float, float]] = []
+
+    def note(_: Simulation, command: Command) -> None:
+        decision = command.decision
+        if decision.fused is None or decision.state not in FLOWN:
+            return
+        speed = math.hypot(*decision.fused.velocity_ned_m_s[:2])
+        row = (decision.now_s, decision.clearance_m, decision.speed_limit_m_s, speed)
+        rows.append(row)
+
+    Simulation(scenario, config, (goal_of(scenario, config),), seed=1).run(on_tick=note)
+    table = np.array(rows)
+    now, clearance = table[:, 0] - table[0, 0], np.minimum(table[:, 1], RANGE_M)
+    volume = np.array([free_volume_m3(c, RANGE_M) for c in clearance])
+    axes.fill_between(now, volume / volume.max(), color="#ddf4ff", label="V, of the full sphere")
+    axes.plot(now, table[:, 2] / 0.2, color=PATH, linewidth=1.6, label="speed limit / 0.2 m/s")
+    axes.plot(now, table[:, 3] / 0.2, color=INK, linewidth=0.7, label="speed flown / 0.2 m/s")
+    dead_band = config.guidance.volume_rate_dead_band
+    rates = _rates_per_s(now, clearance)
+    for sign, colour, name in ((1, GOOD, "dV > 0"), (-1, OTHER, "dV < 0")):
+        at = now[(sign * rates > dead_band)]
+        axes.plot(at, np.full(at.shape, 1.12), "|", color=colour, markersize=9, label=name)
+    axes.set_ylim(0.0, 1.6)
+    axes.set_yticks([0.0, 0.5, 1.0])
+    axes.set_xlabel("time in CRUISE, STOP, DETECT, REPLAN and FOLLOW (s)")
+    axes.legend(loc="upper center", fontsize=8, frameon=False, ncols=3)
+    axes.set_title("Table 2 over a flight: the speed grows with the free sphere around the drone")
+
+
+def _rates_per_s(now: Floats, clearance: Floats) -> Floats:
+    """dV/dt of the free sphere over its full volume, from clearances half a second apart."""
+    lag = 10
+    rates = np.zeros_like(now)
+    for k in range(lag, now.shape[0]):
+        rate = (clearance[k] - clearance[k - lag]) / max(now[k] - now[k - lag], 1e-9)
+        rates[k] = volume_rate_per_s(float(clearance[k]), float(rate), RANGE_M)
+    return rates
+
+
 PICTURES: dict[str, Callable[[Any], None]] = {
     "tangents": tangent_route,
     "fly_by": fly_by_conic,
     "persistence": persistence_diagram,
     "levels": ricci_levels,
+    "speed": speed_rule,
 }
 
 
