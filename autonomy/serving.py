@@ -44,6 +44,7 @@ from autonomy.service.station import FlownMission, Instant, Station
 from autonomy.service.systemd import Notifier
 from autonomy.simulation import with_scenario
 from autonomy.termination import termination_signals
+from autonomy.virtual_world import warning
 from autonomy.warm import warm_up
 from hal import registry
 from hal.clock import MonotonicClock
@@ -308,7 +309,13 @@ class Service:
             if facts is None:
                 return
             sensors, gnss = self._drivers.sensors(vehicle), self._drivers.gnss(vehicle)
-            async with app.opened(sensors, gnss, self._config.vehicle.connect_timeout_s):
+            timeout_s = self._config.vehicle.connect_timeout_s
+            virtual = self._config.beams.virtual()
+            if virtual is not None:
+                self._station.tell("beams", warning(virtual))
+            async with app.opened(
+                sensors, gnss, timeout_s, lambda text: self._station.tell("gnss", text)
+            ):
                 self._station.tell(
                     "connected", f"{facts.autopilot} {facts.version}, system {facts.system_id}"
                 )
