@@ -28,7 +28,7 @@ from autonomy.report import FlightReport, FlyOptions, with_truth
 from autonomy.service.lock import Holder, VehicleHeld, VehicleLock, utc_now
 from autonomy.simulation import with_scenario
 from autonomy.tally import Tally
-from autonomy.termination import termination_signals
+from autonomy.termination import termination_signals, termination_waits
 from autonomy.virtual_world import near_miss, typed_driver, warning, with_virtual_world
 from autonomy.warm import warm_up
 from hal import registry
@@ -132,7 +132,7 @@ def fly(options: FlyOptions) -> FlightReport:
         if options.log and mission.config.log.enabled:
             recorder = stack.enter_context(flight_recorder(mission))
         progress.note("warming up the planner")
-        warm_up(progress.note)
+        _warm_up(progress)
         embedded: EmbeddedPx4 | None = None
         if options.scenario is not None:
             progress.note(f"starting the embedded PX4 in scenario {options.scenario}")
@@ -145,6 +145,17 @@ def fly(options: FlyOptions) -> FlightReport:
             report = with_truth(report, embedded.true_clearance_m())
         progress.report(report)
     return report
+
+
+def _warm_up(progress: Progress) -> None:
+    """Compile what flies; Ctrl-C ends it at its next sentence, within five seconds."""
+    with termination_waits() as take_effect:
+
+        def note(text: str) -> None:
+            progress.note(text)
+            take_effect()
+
+        warm_up(note)
 
 
 async def _fly(

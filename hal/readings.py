@@ -159,6 +159,7 @@ class FlightMode(StrEnum):
     MISSION = "mission"
     RETURN = "return"
     LAND = "land"
+    DESCEND = "descend"  # PX4's own landing without a position
     OFFBOARD = "offboard"
 
 

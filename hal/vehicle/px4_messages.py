@@ -28,6 +28,7 @@ _SUB_MODES = {
     4: FlightMode.MISSION,
     5: FlightMode.RETURN,
     6: FlightMode.LAND,
+    20: FlightMode.DESCEND,  # older versions tell Land
 }
 _LANDED = {
     1: LandedState.ON_GROUND,

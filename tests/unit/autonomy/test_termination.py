@@ -9,7 +9,7 @@ import pytest
 
 from autonomy.app import Mission, _termination_interrupts, flight_recorder, prepare
 from autonomy.report import FlyOptions
-from autonomy.termination import termination_signals
+from autonomy.termination import termination_signals, termination_waits
 from tests.unit.autonomy.test_serving import Stage
 
 
@@ -68,3 +68,26 @@ def test_a_start_that_failed_leaves_no_flight_log(tmp_path: Path) -> None:
         start()
     assert len(seen) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_signal_waits_for_the_next_safe_place() -> None:
+    reached: list[str] = []
+
+    def work() -> None:
+        with termination_waits() as take_effect:
+            take_effect()
+            signal.raise_signal(signal.SIGINT)
+            reached.append("not lost, not yet raised")
+            take_effect()
+            reached.append("too far")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert reached == ["not lost, not yet raised"]
+
+
+def test_a_signal_that_met_no_safe_place_takes_effect_at_the_end() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt), termination_waits():
+        signal.raise_signal(signal.SIGTERM)
+    assert signal.getsignal(signal.SIGTERM) is before

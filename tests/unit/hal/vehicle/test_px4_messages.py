@@ -31,6 +31,7 @@ from hal.vehicle.px4_messages import (
         (17, 393216, False, FlightMode.OFFBOARD),
         (157, 84148224, True, FlightMode.RETURN),
         (157, 100925440, True, FlightMode.LAND),
+        (157, 0x14040000, True, FlightMode.DESCEND),
         (157, 0x04040000, True, FlightMode.MISSION),
         (81, 196608, False, FlightMode.MANUAL),
         (129, 0x01030000, True, FlightMode.MANUAL),
