@@ -5,7 +5,6 @@ planning thread. `--write` puts tables and pictures into tools/bench/README.md.
 """
 
 import argparse
-import dataclasses
 import math
 import statistics
 import sys
@@ -242,18 +241,24 @@ def quick_planners(number: int) -> tuple[Baseline, ...]:
 
 def race(family: Family, maps: int, sampling_maps: int) -> Iterator[Trial | Reach]:
     """All planners on the first maps of a family."""
-    for number, problem in enumerate(family.maps(maps)):
-        best, answer = optimum_of(problem)
-        yield Trial(family.name, number, ExactOptimum.name, 1.0, answer.seconds)
-        own = 0.0
-        for planner in quick_planners(number):
-            if isinstance(planner, PlanningStep) and not planner.suits(problem):
-                continue
-            trial = _trial(family, number, planner, repeated(planner, problem), problem, best)
-            own = trial.seconds if isinstance(planner, TangentRoute) else own
-            yield trial
-        if number < sampling_maps and sampling.available():
-            yield from _sample(family, number, problem, best, own)
+    for number in range(min(maps, family.count)):
+        yield from race_on(family, number, with_sampling=number < sampling_maps)
+
+
+def race_on(family: Family, number: int, *, with_sampling: bool) -> Iterator[Trial | Reach]:
+    """All planners on one map of a family."""
+    problem = family.draw(number)
+    best, answer = optimum_of(problem)
+    yield Trial(family.name, number, ExactOptimum.name, 1.0, answer.seconds)
+    own = 0.0
+    for planner in quick_planners(number):
+        if isinstance(planner, PlanningStep) and not planner.suits(problem):
+            continue
+        trial = _trial(family, number, planner, repeated(planner, problem), problem, best)
+        own = trial.seconds if isinstance(planner, TangentRoute) else own
+        yield trial
+    if with_sampling and sampling.available():
+        yield from _sample(family, number, problem, best, own)
 
 
 def _sample(
@@ -382,22 +387,15 @@ def warm_up(problem: Map) -> None:
             planner.plan(problem)
 
 
-def one_family(
-    family: Family, maps: int, sampling_maps: int
+def one_map(
+    family: Family, number: int, *, with_sampling: bool
 ) -> tuple[list[Trial | Reach], list[Bend]]:
-    """Everything about one family."""
-    _say(f"{family.name}: {min(maps, family.count)} maps")
-    warm_up(next(family.maps(1)))
-    found = list(race(family, maps, sampling_maps))
-    suited = (problem for problem in family.maps(maps) if PlanningStep.suits(problem))
-    return found, [b for b in map(bend, suited) if b is not None]
-
-
-def _prepare() -> None:
-    """What a process does once."""
-    planning.warm_up()
-    if sampling.available():
-        sampling.seed(sampling.SEED)
+    """Everything about one map."""
+    _say(f"{family.name}, map {number}")
+    found = list(race_on(family, number, with_sampling=with_sampling))
+    problem = family.draw(number)
+    bent = bend(problem) if PlanningStep.suits(problem) else None
+    return found, [] if bent is None else [bent]
 
 
 def _done(job: Callable[[], Any]) -> Any:
@@ -406,10 +404,10 @@ def _done(job: Callable[[], Any]) -> Any:
 
 def all_done(jobs: Sequence[Callable[[], Any]], at_once: int) -> list[Any]:
     """The results of all jobs in turn; `at_once` > 1: so many processes at a time."""
+    planning.warm_up()
     if at_once < 2:
-        _prepare()
         return [job() for job in jobs]
-    with ProcessPoolExecutor(at_once, initializer=_prepare) as pool:
+    with ProcessPoolExecutor(at_once) as pool:
         return list(pool.map(_done, jobs))
 
 
@@ -419,22 +417,32 @@ def campaign(
     sampling_maps: int,
     growth: Iterable[int] = GROWTH,
     at_once: int = 1,
+    flown: Sequence[Callable[[], list[steps.Step]]] = (),
 ) -> Campaign:
-    """Run everything but flights, saying what is being done. All planners of a family are raced
-    in one process.
-    """
-    if not sampling.available():
+    """Run everything, saying what is being done. On one map all planners run in one process."""
+    if sampling.available():
+        sampling.seed(sampling.SEED)
+    else:
         _say(sampling.MISSING)
-    families = [partial(one_family, family, maps, sampling_maps) for family in chosen]
+    for family in (*chosen[:1], *chosen[-1:]):
+        warm_up(family.draw(0))
     curves = [partial(grow, count, GROWTH_MAPS) for count in growth]
-    done = all_done([*families, *curves], at_once)
-    raced, grown = done[: len(families)], done[len(families) :]
+    races = [
+        partial(one_map, family, number, with_sampling=number < sampling_maps)
+        for family in chosen
+        for number in range(min(maps, family.count))
+    ]
+    # The long ones first, so that no process works on alone at the end.
+    done = all_done([*flown, *reversed(curves), *races], at_once)
+    grown = done[len(flown) : len(flown) + len(curves)]
+    raced = done[len(flown) + len(curves) :]
     found = [f for trials, _ in raced for f in trials]
     return Campaign(
         tuple(f for f in found if isinstance(f, Trial)),
         tuple(f for f in found if isinstance(f, Reach)),
         tuple(b for _, bends in raced for b in bends),
-        tuple(g for rows in grown for g in rows),
+        tuple(g for rows in reversed(grown) for g in rows),
+        steps.together(done[: len(flown)]),
     )
 
 
@@ -453,7 +461,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--flights", type=int, default=12, help="wall and BARN worlds flown for planning steps"
     )
     parser.add_argument(
-        "--at-once", type=int, default=1, help="processes; a family is always raced in one"
+        "--at-once", type=int, default=1, help="processes; a map is always raced in one"
     )
     parser.add_argument("--write", action="store_true", help="renew tools/bench/README.md")
 
@@ -463,11 +471,14 @@ def run(options: argparse.Namespace) -> None:
     from tools.bench import report
 
     chosen = families(options.barn)
-    _say("planning steps of flights")
     barn = barn_maps(options.barn) if options.barn is not None else ()
-    groups = all_done(steps.jobs(options.flights, barn), options.at_once)
-    measured = campaign(chosen, options.maps, options.sampling_maps, at_once=options.at_once)
-    measured = dataclasses.replace(measured, taken=steps.together(groups))
+    measured = campaign(
+        chosen,
+        options.maps,
+        options.sampling_maps,
+        at_once=options.at_once,
+        flown=steps.jobs(options.flights, barn),
+    )
     page = report.planner_section(measured)
     sys.stdout.write(page + "\n")
     if options.write:

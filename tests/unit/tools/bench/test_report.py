@@ -1,13 +1,14 @@
 """The page says what was measured."""
 
 import math
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from tools.bench import report
+from tools.bench import report, steps
 from tools.bench.maps import families
-from tools.bench.planners import Campaign, Growth, Reach, TangentRoute, Trial, race
+from tools.bench.planners import Campaign, Growth, Reach, TangentRoute, Trial, campaign, race
 
 OWN = TangentRoute.name
 
@@ -84,6 +85,18 @@ def test_only_what_is_between_the_markers_is_renewed(tmp_path: Path) -> None:
     assert page.read_text() == expected
     with pytest.raises(ValueError, match="no place"):
         report.renew("flights", "new", page)
+
+
+def test_a_whole_campaign_fills_the_page_and_draws_its_pictures(tmp_path: Path) -> None:
+    chosen = [f for f in families(None) if f.name in ("5 discs, 6 m", "4 walls, 6 m")]
+    flown = [partial(steps.measured_maps, 5)]
+    measured = campaign(chosen, 2, 0, growth=(20, 50), at_once=2, flown=flown)
+    page = report.planner_section(measured)
+    assert "| 20 hits, 6 m | 5 | 20 | 20 |" in page
+    assert "| time ~ n^ |" in page
+    report.draw_all(measured, chosen, tmp_path)
+    drawn = {path.name for path in tmp_path.glob("*.png")}
+    assert {"length_time.png", "success.png", "times.png", "growth.png"} <= drawn
 
 
 def test_a_small_campaign_makes_a_page_in_which_t3drm_is_exact() -> None:
