@@ -37,11 +37,11 @@ import msgspec
 import numpy as np
 
 from autonomy.geometry import Point, distance
-from autonomy.model import NoPlan, Plan
+from autonomy.model import NoPlan, ObstacleKind, Plan
 from autonomy.t3drm import kernels
 from autonomy.t3drm.classification import Linkage
 from autonomy.t3drm.kernels import Floats
-from autonomy.t3drm.sides import SAME_GOAL_M, hits_of
+from autonomy.t3drm.sides import SAME_GOAL_M, STILL_THERE_M, hits_of
 from hal.config import Fence
 
 TRACKING = 1.05
@@ -49,7 +49,8 @@ TRACKING = 1.05
 SETTLING_M = 0.25
 """... and drifting while the vehicle climbs, looks round and lands adds no more than this."""
 MET_WITHIN_M = 0.05
-"""A path that comes nearer to a hit than the keep-out radius and this has met its obstacle."""
+"""A path that comes nearer to a hit than the keep-out radius and this has met its obstacle; so has
+one that comes as near to the sphere round a discrete one, which may lie well off its hits."""
 
 
 class PathBound(msgspec.Struct, frozen=True):
@@ -107,6 +108,7 @@ class _Stretch:
         self.straight_m = straight_m
         self._paths: list[tuple[Point, ...]] = []
         self._hits: Floats = np.empty((0, 2))
+        self._rounded: list[Point] = []
 
     @property
     def goal(self) -> Point:
@@ -117,6 +119,12 @@ class _Stretch:
         """One more plan; its hits are those before and more."""
         self._paths.append(plan.points)
         self._hits = hits_of(plan)
+        path = np.array(plan.points)
+        for obstacle in plan.obstacles:
+            reach_m = obstacle.radius_m + plan.keep_out_m + MET_WITHIN_M
+            discrete = obstacle.kind is ObstacleKind.DISCRETE
+            if discrete and kernels.path_clearance(path, np.array((obstacle.centre,))) < reach_m:
+                self._rounded.append(obstacle.hits[0])
 
     def perimeter_m(self, keep_out_m: float, fence: Fence) -> float:
         """The perimeters of the components that one of the paths came near."""
@@ -127,6 +135,8 @@ class _Stretch:
         near = np.zeros(hits.shape[0], dtype=np.uint8)
         for path in self._paths:
             kernels.mark_near(np.array(path), hits, keep_out_m + MET_WITHIN_M, near)
+        for north, east in self._rounded:
+            kernels.mark_near(np.array(((north, east),) * 2), hits, STILL_THERE_M, near)
         met = np.zeros(count, dtype=np.bool_)
         met[labels[near != 0]] = True
         return float(exposed_m(hits, keep_out_m, fence)[met[labels]].sum())

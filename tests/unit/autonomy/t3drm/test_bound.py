@@ -10,7 +10,14 @@ from hypothesis import strategies as st
 from autonomy.config import PlannerConfig
 from autonomy.geometry import Point
 from autonomy.model import Environment, NoPlan, Plan
-from autonomy.t3drm.bound import SETTLING_M, TRACKING, BoundTally, PathBound, exposed_m
+from autonomy.t3drm.bound import (
+    MET_WITHIN_M,
+    SETTLING_M,
+    TRACKING,
+    BoundTally,
+    PathBound,
+    exposed_m,
+)
 from autonomy.t3drm.kernels import Floats
 from autonomy.t3drm.planner import Planner
 from hal.config import Fence
@@ -91,6 +98,14 @@ def test_an_obstacle_counts_when_a_path_comes_to_it_and_only_then() -> None:
     assert met.perimeter_m == pytest.approx(2.0 * math.pi * R0)
     away = bound_of((5.0, plan((0.0, 0.0), (5.0, 0.0), np.array(((2.5, 0.5),)))))
     assert away.perimeter_m == 0.0
+
+
+def test_a_sphere_that_a_path_goes_round_is_met_though_its_hits_are_far_from_the_path() -> None:
+    # A short row end on: its enclosing circle reaches out to its sides, where no hit is.
+    plank = row((0.5, 0.0), (1.0, 0.0))
+    found = plan((0.0, 0.0), (5.0, 0.0), plank)
+    assert min(math.dist(a, b) for a in found.points for b in plank.tolist()) > R0 + MET_WITHIN_M
+    assert bound_of((5.0, found)).perimeter_m == pytest.approx(1.0 + 2.0 * math.pi * R0, rel=0.005)
 
 
 def test_an_obstacle_counts_whole_and_once_however_often_it_is_met() -> None:
