@@ -1,12 +1,12 @@
 """Which mutants there are: each comparison, sign, constant and loop of a module, one at a time."""
 
+import copy
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from cosmic_ray.ast import ast_nodes, get_ast
 from cosmic_ray.ast.ast_query import ASTQuery
-from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator
 
 ORDERINGS = {"Lt": ("LtE", "GtE", "Gt"), "Gt": ("GtE", "LtE", "Lt")} | {
@@ -43,17 +43,13 @@ OPERATORS = frozenset(
 
 @dataclass(frozen=True)
 class Mutant:
-    """One mutation of a source: the `occurrence`-th place where cosmic-ray's operator applies.
-
-    Counted within the statement at the source's characters from `begin` to `end`.
-    """
+    """One mutation: the source's characters from `begin` to `end` become `text`."""
 
     definition: str
     line: int
-    operator: str
-    occurrence: int
     begin: int
     end: int
+    text: str
 
 
 @dataclass(frozen=True)
@@ -62,6 +58,8 @@ class Mutated:
 
     source: str
     change: str
+    lines: frozenset[int]
+    """Numbers of the lines that differ."""
 
 
 def mutants_of(source: str, definitions: frozenset[str] = frozenset()) -> list[Mutant]:
@@ -70,43 +68,46 @@ def mutants_of(source: str, definitions: frozenset[str] = frozenset()) -> list[M
     `definitions`: names of the functions and classes to mutate; empty: the whole module. Code
     outside of functions and classes belongs to the definition "module".
     """
-    found: list[Mutant] = []
-    begin = 0
-    for statement in get_ast(source).children:
-        end = begin + len(statement.get_code())
-        found += _mutants_in(statement, begin, end, source.splitlines())
-        begin = end
-    wanted = [mutant for mutant in found if not definitions or mutant.definition in definitions]
-    return sorted(wanted, key=lambda m: (m.line, m.operator, m.occurrence))
+    wanted = [
+        mutant
+        for mutant in _all_mutants(source)
+        if not definitions or mutant.definition in definitions
+    ]
+    return sorted(wanted, key=lambda m: (m.line, m.begin, m.text))
 
 
 def mutated(source: str, mutant: Mutant) -> Mutated:
-    """The source with the one mutation; ValueError when the operator finds no place.
-
-    Only the statement is parsed again: whole modules take a second.
-    """
-    statement = source[mutant.begin : mutant.end]
-    other = mutate_code(statement, get_operator(mutant.operator)(), mutant.occurrence)
-    if other is None:
-        raise ValueError(f"{mutant.operator} does not apply {mutant.occurrence} times")
-    pairs = list(zip(statement.splitlines(), other.splitlines(), strict=False))
-    changed = [(a.strip(), b.strip()) for a, b in pairs if a != b]
-    olds, news = " | ".join(a for a, _ in changed), " | ".join(b for _, b in changed)
-    whole = source[: mutant.begin] + other + source[mutant.end :]
-    return Mutated(whole, f"{mutant.definition}: {olds} -> {news}")
+    """The source with the one mutation."""
+    whole = source[: mutant.begin] + mutant.text + source[mutant.end :]
+    pairs = zip(source.splitlines(), whole.splitlines(), strict=False)
+    changed = {k: (a.strip(), b.strip()) for k, (a, b) in enumerate(pairs, 1) if a != b}
+    olds, news = (" | ".join(pair[side] for pair in changed.values()) for side in (0, 1))
+    return Mutated(whole, f"{mutant.definition}: {olds} -> {news}", frozenset(changed))
 
 
-def _mutants_in(statement: Any, begin: int, end: int, lines: list[str]) -> Iterator[Mutant]:
-    nodes = list(ast_nodes(statement))
-    for name in sorted(OPERATORS):
-        operator = get_operator(name)()
-        places = (
-            (node, row, column)
-            for node in nodes
-            for (row, column), _ in operator.mutation_positions(node)
-        )
-        for occurrence, (node, row, column) in enumerate(places):
-            # The bare * of a signature is taken for a product.
-            if not lines[row - 1].startswith("*,", column):
-                definition = ASTQuery(node).get_definition_name() or "module"
-                yield Mutant(definition, row, name, occurrence, begin, end)
+def _all_mutants(source: str) -> Iterator[Mutant]:
+    tree = get_ast(source)
+    begins = _beginnings(tree)
+    operators = [get_operator(name)() for name in sorted(OPERATORS)]
+    for node in ast_nodes(tree):
+        for operator in operators:
+            for index, ((row, _), _) in enumerate(operator.mutation_positions(node)):
+                # Its parents stay what they are: only this much is copied and mutated.
+                other = operator.mutate(copy.deepcopy(node, {id(node.parent): node.parent}), index)
+                begin = begins[id(node.get_first_leaf())]
+                end = begin + len(node.get_code())
+                # The bare * of a signature is taken for a product.
+                if not source.startswith("*,", begin + len(node.get_first_leaf().prefix)):
+                    definition = ASTQuery(node).get_definition_name() or "module"
+                    yield Mutant(definition, row, begin, end, other.get_code())
+
+
+def _beginnings(tree: Any) -> dict[int, int]:
+    """Of every leaf, by its id, the place where it begins with the space before it."""
+    begins = {}
+    at, leaf = 0, tree.get_first_leaf()
+    while leaf is not None:
+        begins[id(leaf)] = at
+        at += len(leaf.prefix) + len(leaf.value)
+        leaf = leaf.get_next_leaf()
+    return begins

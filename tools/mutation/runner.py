@@ -56,7 +56,7 @@ class Worker:
     def verdict_on(self, mutant: Mutant) -> Verdict:
         """Mutate and test."""
         made = mutated(self._tree.original, mutant)
-        killed = not self._tree.passes(made.source)
+        killed = not self._tree.passes(made.source, made.lines)
         return Verdict(f"{self._module}:{mutant.line}", made.change, killed)
 
 

@@ -1,32 +1,55 @@
-"""A mutant put into a module that is already imported: new code for its functions.
+"""A mutant put into modules that are already imported: new code for functions, new constants.
 
-Whoever holds such a function, by whatever import, runs the mutant. What a mutant changes outside
-of functions (constants, defaults, the bodies of classes) cannot be put in this way.
+Whoever holds such a function, by whatever import, runs the mutant. What a mutant changes in classes
+themselves (their bodies, their options) cannot be put in this way.
 """
 
+import sys
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from types import CodeType, FunctionType, ModuleType
 
-Swap = tuple[FunctionType, CodeType]
+Plain = bool | int | float | str
 
 
-def swaps_for(module: ModuleType, original: str, mutant: str) -> list[Swap] | None:
-    """(function, new code) that make `module`, imported from `original`, be `mutant`.
+@dataclass
+class Swap:
+    """What makes an imported module be its mutant."""
 
-    None when functions alone do not make it so: the module has to be imported anew.
+    functions: list[tuple[FunctionType, CodeType]] = field(default_factory=list)
+    constants: dict[str, tuple[Plain, Plain]] = field(default_factory=dict)
+    """By name: as it is, as it shall be."""
+
+    def apply(self) -> None:
+        """Make it so, constants also where other modules have imported them by name."""
+        for function, code in self.functions:
+            function.__code__ = code
+        for name, (old, new) in self.constants.items():
+            for module in list(sys.modules.values()):
+                if vars(module).get(name) is old:
+                    setattr(module, name, new)
+
+
+def swap_for(module: ModuleType, original: str, mutant: str) -> Swap | None:
+    """What makes `module`, imported from `original`, be `mutant`.
+
+    None when functions and constants alone do not make it so: it has to be imported anew.
     """
     file = str(module.__file__)
     old = compile(original, file, "exec", dont_inherit=True)
     new = compile(mutant, file, "exec", dont_inherit=True)
-    found: dict[str, Swap] = {}
+    swap = Swap()
     for name, code in _changed(old, new, None):
+        if code is None:
+            swap.constants = _changed_constants(module, new) if name == "<module>" else {}
+            if not swap.constants:
+                return None
+            continue
         function = _function(module, name)
-        if code is None or function is None:
+        if function is None or function.__code__.co_firstlineno != code.co_firstlineno:
             return None
-        if function.__code__.co_firstlineno != code.co_firstlineno:
-            return None
-        found[name] = (function, code)
-    return list(found.values())
+        swap.functions.append((function, code))
+    return swap
 
 
 def _changed(
@@ -40,6 +63,16 @@ def _changed(
         yield (within or new).co_qualname, within
     for a, b in zip(_nested(old), _nested(new), strict=False):
         yield from _changed(a, b, within or (b if _is_function(b) else None))
+
+
+def _changed_constants(module: ModuleType, new: CodeType) -> dict[str, tuple[Plain, Plain]]:
+    names: dict[str, object] = {"__name__": module.__name__, "__file__": module.__file__}
+    exec(new, names)  # noqa: S102 - a line of this very project, mutated
+    return {
+        name: (vars(module)[name], value)
+        for name, value in names.items()
+        if isinstance(value, Plain) and name in vars(module) and value != vars(module)[name]
+    }
 
 
 def _is_function(code: CodeType) -> bool:

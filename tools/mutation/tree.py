@@ -1,36 +1,31 @@
 """A copy of the project, and the processes that test mutants in it.
 
 To import everything and to collect the tests takes longer than to run them. So one process of
-each tree imports and collects once, then forks for every mutant: the child gets the mutant's
-functions (`swap`) and runs the tests. A mutant outside of functions is written into the tree, and
-a fork of this process, which has only imported what is not the project's, begins from there.
+each tree imports and collects once, then forks for every mutant (`collected`). Only a mutant in the
+body of a class is written into the tree: a fork of this process, which has imported nothing but
+what is not the project's, begins from there.
 """
 
 import importlib
 import multiprocessing
 import os
-import resource
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 import hypothesis
 import pytest
 
-from tools.mutation.swap import Swap, swaps_for
+from tools.mutation.collected import OWN, Collected, limit
 
 COPIED = ("autonomy", "hal", "tools", "tests", "configs", "pyproject.toml", "README.md")
-OWN = frozenset(("autonomy", "hal", "tools", "tests", "conftest"))
 OPTIONS = ("-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore")
-MEMORY_MAX_BYTES = 6 << 30
-"""A mutant that never stops collecting ends here."""
 PATIENCE = 5.0
 """Tests that take this many times longer have noticed something."""
 LEAST_CPU_S = 3.0
+IMPORT_CPU_S = 60.0
 
 _fork = multiprocessing.get_context("fork")
 
@@ -54,30 +49,35 @@ class Tree:
         # Also compiles what numba keeps.
         _run_once(place, tests)
         self._ear, voice = _fork.Pipe()
-        name = ".".join(module.with_suffix("").parts)
-        collected = _Collected(voice, name, self.original, place)
-        self._collected = _fork.Process(target=_serve, args=(place, tests, collected), daemon=True)
-        self._collected.start()
+        collected = Collected(voice, module, place, self.original)
+        self._server = _fork.Process(target=_serve, args=(place, tests, collected), daemon=True)
+        self._server.start()
+        # Only the server holds it now: where that ends, this process hears of it.
+        voice.close()
         for foreign in self._ear.recv():
             importlib.import_module(foreign)
         self._cpu_limit_s = 600.0
-        passed, cpu_s = self._ask(self.original)
+        # Without functions or lines that differ everything is run.
+        passed, cpu_s = self._ask(self.original, frozenset())
         if not passed:
             raise SystemExit("the tests fail without any mutation when they are run in a fork")
         self._cpu_limit_s = LEAST_CPU_S + PATIENCE * cpu_s
 
-    def passes(self, source: str) -> bool:
-        """Whether the tests pass with `source` as the module; False too when they hang."""
-        passed, _ = self._ask(source)
+    def passes(self, source: str, lines: frozenset[int]) -> bool:
+        """Whether the tests pass with `source` as the module; False too when they hang.
+
+        lines: numbers of those in which it differs from the original.
+        """
+        passed, _ = self._ask(source, lines)
         return self._passes_anew(source) if passed is None else passed
 
     def close(self) -> None:
         """End the process that collected the tests."""
         self._ear.send(None)
-        self._collected.join()
+        self._server.join()
 
-    def _ask(self, source: str) -> tuple[bool | None, float]:
-        self._ear.send((source, self._cpu_limit_s))
+    def _ask(self, source: str, lines: frozenset[int]) -> tuple[bool | None, float]:
+        self._ear.send((source, lines, self._cpu_limit_s))
         passed, cpu_s = self._ear.recv()
         return passed, cpu_s
 
@@ -85,56 +85,13 @@ class Tree:
         """All of the project imported again, the mutant with it."""
         self._module.write_text(source)
         try:
-            arguments = (self._place, self._tests, self._cpu_limit_s + 60.0)
+            arguments = (self._place, self._tests, self._cpu_limit_s + IMPORT_CPU_S)
             process = _fork.Process(target=_import_and_test, args=arguments)
             process.start()
             process.join()
             return process.exitcode == 0
         finally:
             self._module.write_text(self.original)
-
-
-class _Collected:
-    """A pytest plugin that stops where the tests are collected, and forks for every mutant."""
-
-    def __init__(self, voice: Connection, module: str, original: str, place: Path) -> None:
-        self._voice = voice
-        self._module = module
-        self._original = original
-        self._place = place
-        self._is_child = False
-
-    @pytest.hookimpl(tryfirst=True)
-    def pytest_runtestloop(self) -> None:
-        """Serve; returns, in a child only, to let pytest run the tests that it collected."""
-        self._voice.send(_foreign_modules(self._place))
-        while True:
-            asked = self._voice.recv()
-            if asked is None:
-                os._exit(0)
-            source, cpu_limit_s = asked
-            swaps = swaps_for(sys.modules[self._module], self._original, source)
-            if swaps is None:
-                self._voice.send((None, 0.0))
-                continue
-            child = os.fork()
-            if child == 0:
-                self._become(swaps, cpu_limit_s)
-                return
-            _, status, usage = os.wait4(child, 0)
-            self._voice.send((os.waitstatus_to_exitcode(status) == 0, usage.ru_utime))
-
-    @pytest.hookimpl(tryfirst=True)
-    def pytest_sessionfinish(self, exitstatus: int) -> None:
-        """A child ends here: what follows would clean up what the next one needs."""
-        if self._is_child:
-            os._exit(int(exitstatus))
-
-    def _become(self, swaps: list[Swap], cpu_limit_s: float) -> None:
-        self._is_child = True
-        _limit(cpu_limit_s)
-        for function, code in swaps:
-            function.__code__ = code
 
 
 def _run_once(place: Path, tests: tuple[str, ...]) -> None:
@@ -147,14 +104,14 @@ def _run_once(place: Path, tests: tuple[str, ...]) -> None:
         raise SystemExit(f"the tests fail without any mutation:\n{done.stdout}{done.stderr}")
 
 
-def _serve(place: Path, tests: tuple[str, ...], collected: _Collected) -> None:
+def _serve(place: Path, tests: tuple[str, ...], collected: Collected) -> None:
     _enter(place)
     os._exit(_tested(tests, collected))
 
 
 def _import_and_test(place: Path, tests: tuple[str, ...], cpu_limit_s: float) -> None:
     _enter(place)
-    _limit(cpu_limit_s)
+    limit(cpu_limit_s)
     os._exit(_tested(tests))
 
 
@@ -173,18 +130,7 @@ def _enter(place: Path) -> None:
     sys.path.insert(0, str(place))
 
 
-def _limit(cpu_limit_s: float) -> None:
-    """End this process when it takes too long (of its own time, not the machine's) or too much."""
-    seconds = int(cpu_limit_s) + 1
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_MAX_BYTES, MEMORY_MAX_BYTES))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    # For what sleeps.
-    signal.alarm(60 + 60 * seconds)
-
-
-def _tested(tests: tuple[str, ...], *plugins: _Collected) -> int:
+def _tested(tests: tuple[str, ...], *plugins: Collected) -> int:
     # The same examples each time; a failure is not made smaller, nor slowness called one.
     hypothesis.settings.register_profile(
         "mutation",
@@ -196,15 +142,3 @@ def _tested(tests: tuple[str, ...], *plugins: _Collected) -> int:
     )
     hypothesis.settings.load_profile("mutation")
     return int(pytest.main([*OPTIONS, *tests], plugins=list(plugins)))
-
-
-def _foreign_modules(place: Path) -> list[str]:
-    """The names of all modules that are loaded and not the project's."""
-    names = []
-    for name, module in list(sys.modules.items()):
-        specification = getattr(module, "__spec__", None)
-        file = getattr(module, "__file__", None)
-        foreign = file is not None and not Path(file).is_relative_to(place)
-        if foreign and specification is not None and specification.name == name:
-            names.append(name)
-    return [name for name in names if name.partition(".")[0] not in OWN]
