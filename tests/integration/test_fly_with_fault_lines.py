@@ -64,6 +64,16 @@ def test_what_the_service_does_about_it(flights: dict[str, Future[Ended]], fault
     assert not end.report["collisions"], end.report
 
 
+def test_a_restart_of_px4_while_the_service_waits_is_waited_for(tmp_path: Path) -> None:
+    """The vehicle's clock begins anew, and what it measures then is not taken for old."""
+    config = tmp_path / "patient.yaml"
+    config.write_text("mission: {preflight_timeout_s: 120}\n")
+    faults = ("--fault", "arming_refused@0/25", "--fault", "reboot@15")
+    arguments = ("--goal", "1,0", "--sim", "empty", "--config", str(config), *faults)
+    with Flying(tmp_path, *arguments) as flying:
+        assert flying.end(LIMIT_S) == ExitCode.GOAL_REACHED, flying.report
+
+
 def test_a_line_that_is_no_fault_is_refused_before_anything_starts(tmp_path: Path) -> None:
     with Flying(tmp_path, "--goal", "1,0", "--sim", "--fault", "link_loss@soon") as flying:
         assert flying.end(60.0) == ExitCode.BAD_INPUT
