@@ -708,7 +708,7 @@ class Autopilot:
 
     def _plan_station_failsafe(self) -> None:
         action = _DLL_ACTIONS.get(int(self.parameters["NAV_DLL_ACT"]))
-        if action is None or not self._armed or self._landed or self._failsafe is not None:
+        if action is None or not self._armed or self._failsafe is not None:
             return
         delay_s = float(self.parameters["COM_FAIL_ACT_T"])
         self._station_action, self._station_action_s = action, self._now_s + delay_s
@@ -731,7 +731,9 @@ class Autopilot:
         if self._failsafe is not Mode.HOLD:
             return
         self._failsafe = action
-        self.report(
+        self.say(
+            Severity.CRITICAL,
+            "Failsafe activated",
             events.FAILSAFE_OF,
             int(self._intended),
             _EVENT_ACTIONS[action],

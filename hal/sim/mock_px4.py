@@ -112,7 +112,7 @@ class MockPx4:
         onboard = ("127.0.0.1", port)
         self._peers = {onboard: Peer(onboard, system_id, permanent=True)}
         self._text_identity = 0
-        self._gimbal = GimbalManager()
+        self._gimbal = GimbalManager(system_id)
         faults, when, rng = plant.scenario.faults, plant.fault_clock, plant.link_rng
         self._up: FaultyChannel[Datagram] = FaultyChannel(faults, "up", rng, when)
         self._down: FaultyChannel[Datagram] = FaultyChannel(faults, "down", rng, when)

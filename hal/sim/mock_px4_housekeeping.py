@@ -448,12 +448,13 @@ class GimbalManager:
     _FIRST_S = 0.26
     _AGAIN_S = (1.27, 1.79, 2.3)
 
-    def __init__(self) -> None:
+    def __init__(self, system_id: int) -> None:
+        self._system_id = system_id
         self._mode: Mode | None = None
         self._due: list[tuple[float, int, int, tuple[float, ...]]] = []
 
     def step(self, plant: Plant) -> list[Message]:
-        """The COMMAND_LONGs that are due, for system 1, any component."""
+        """The COMMAND_LONGs that are due, for its own system, any component."""
         pilot = plant.autopilot
         mode, now_s = (pilot.mode if pilot.armed else None), pilot.now_s
         if mode is not self._mode and mode in (Mode.LAND, Mode.RETURN):
@@ -463,7 +464,9 @@ class GimbalManager:
         while self._due and self._due[0][0] <= now_s:
             _, command, confirmation, parameters = self._due.pop(0)
             messages.append(
-                mavlink.MAVLink_command_long_message(1, 0, command, confirmation, *parameters)
+                mavlink.MAVLink_command_long_message(
+                    self._system_id, 0, command, confirmation, *parameters
+                )
             )
         return messages
 

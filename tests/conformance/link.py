@@ -34,6 +34,7 @@ _BULK = frozenset((*range(29, 37), 74, 83, 85, 87, 105, 141, 230, 241, 290, 291,
 """Messages that no test reads one by one: counted, and the last one remembered."""
 
 STATION = (245, 190)
+_AUTOPILOT = 1
 COMPANION = (1, 158)
 _HEARTBEAT_TYPES = {STATION: mavlink.MAV_TYPE_GCS, COMPANION: mavlink.MAV_TYPE_ONBOARD_CONTROLLER}
 _HEARTBEAT_S = 1.0
@@ -122,6 +123,8 @@ class Link(ABC):
 
     def __init__(self) -> None:
         self.now_s = 0.0
+        self.system = 0
+        """The vehicle's system id, from its first heartbeat."""
         self.heard: list[Heard] = []
         self.counts = Counter[int]()
         self._last_frame: dict[int, bytes] = {}
@@ -173,6 +176,7 @@ class Link(ABC):
         """Wait until the vehicle's clock and heartbeat are known."""
         for _ in range(_MEET_STEPS):
             if self.now_s > 0.0 and 0 in self._last_frame:
+                self._codecs[COMPANION].srcSystem = self.system  # it is part of the vehicle
                 return
             self.step()
         raise AssertionError("no HEARTBEAT, or nothing with the vehicle's time, was heard")
@@ -216,7 +220,9 @@ class Link(ABC):
 
     def _take(self, frame: bytes) -> None:
         message_id = _message_id(frame)
-        if frame[5] == 0 or frame[5] == STATION[0]:
+        if self.system == 0 and message_id == 0 and frame[6] == _AUTOPILOT:
+            self.system = frame[5]
+        if frame[5] != self.system:
             return
         self.counts[message_id] += 1
         self._last_frame[message_id] = frame

@@ -42,12 +42,14 @@ def test_a_command_on_the_ground_has_its_result(
     assert vehicle.ask(int(command[0]), *command[1:]) == result
 
 
-@pytest.mark.parametrize(("system", "component"), [(9, 1), (1, 77)])
+@pytest.mark.parametrize(("other", "component"), [(77, 1), (0, 77)])
 def test_commands_for_somebody_else_are_not_answered(
-    vehicle: Vehicle, system: int, component: int
+    vehicle: Vehicle, other: int, component: int
 ) -> None:
     vehicle.link.run(0.1)
-    message = mavlink.MAVLink_command_long_message(system, component, 512, 0, 148, *(0.0,) * 6)
+    message = mavlink.MAVLink_command_long_message(
+        vehicle.link.system + other, component, 512, 0, 148, *(0.0,) * 6
+    )
     vehicle.link.send(message)
     assert heard_after(vehicle, "COMMAND_ACK", 1.0) == []
 
@@ -58,7 +60,7 @@ def test_an_acknowledgement_goes_to_who_asked(vehicle: Vehicle) -> None:
     (ack,) = heard_after(vehicle, "COMMAND_ACK")
     assert (ack.target_system, ack.target_component) == (245, 190)
     assert (ack.progress, ack.result_param2) == (0, 0)
-    assert (ack.get_srcSystem(), ack.get_srcComponent()) == (1, 1)
+    assert (ack.get_srcSystem(), ack.get_srcComponent()) == (vehicle.link.system, 1)
 
 
 # ---------------------------------------------------------------- messages on request
@@ -156,16 +158,22 @@ def test_a_stream_follows_its_interval(vehicle: Vehicle) -> None:
 # ---------------------------------------------------------------- parameters
 
 
-def read(vehicle: Vehicle, name: str, index: int = -1, system: int = 1) -> list[Heard]:
+def read(vehicle: Vehicle, name: str, index: int = -1, system: int | None = None) -> list[Heard]:
     from_s = vehicle.link.now_s
-    vehicle.link.send(mavlink.MAVLink_param_request_read_message(system, 1, name.encode(), index))
+    vehicle.link.send(
+        mavlink.MAVLink_param_request_read_message(
+            system or vehicle.link.system, 1, name.encode(), index
+        )
+    )
     vehicle.link.run(0.2)
     return vehicle.link.since(from_s, "PARAM_VALUE") + vehicle.link.since(from_s, "PARAM_ERROR")
 
 
 def write(vehicle: Vehicle, name: str, wire: float, kind: int, component: int = 1) -> list[Heard]:
     from_s = vehicle.link.now_s
-    message = mavlink.MAVLink_param_set_message(1, component, name.encode(), wire, kind)
+    message = mavlink.MAVLink_param_set_message(
+        vehicle.link.system, component, name.encode(), wire, kind
+    )
     vehicle.link.send(message)
     vehicle.link.run(0.2)
     return vehicle.link.since(from_s, "PARAM_VALUE") + vehicle.link.since(from_s, "PARAM_ERROR")
@@ -179,7 +187,7 @@ def bytewise(value: int) -> float:
 def test_the_list_is_alphabetical_complete_and_begins_with_the_hash(vehicle: Vehicle) -> None:
     vehicle.link.run(0.1)
     from_s = vehicle.link.now_s
-    vehicle.link.send(mavlink.MAVLink_param_request_list_message(1, 1))
+    vehicle.link.send(mavlink.MAVLink_param_request_list_message(vehicle.link.system, 1))
     vehicle.link.run(3.0)
     answers = vehicle.link.since(from_s, "PARAM_VALUE")
     first, *rest = [answer.message for answer in answers]
@@ -236,7 +244,7 @@ def test_unknown_names_and_wrong_types_are_parameter_errors(vehicle: Vehicle) ->
         assert message_name(answer.message_id) == "PARAM_ERROR"
         assert answer.message.error == error
         assert (answer.message.target_system, answer.message.target_component) == (245, 190)
-    assert read(vehicle, "MPC_XY_VEL_MAX", system=9) == []
+    assert read(vehicle, "MPC_XY_VEL_MAX", system=77) == []
 
 
 # ---------------------------------------------------------------- time and missions
@@ -257,7 +265,7 @@ def test_a_ping_to_nobody_is_echoed_an_addressed_one_is_not(vehicle: Vehicle) ->
     vehicle.link.send(mavlink.MAVLink_ping_message(123_456_789, 7, 0, 0))
     pongs = [m for m in heard_after(vehicle, "PING") if m.target_system == 245]
     assert [(p.time_usec, p.seq, p.target_component) for p in pongs] == [(123_456_789, 7, 190)]
-    vehicle.link.send(mavlink.MAVLink_ping_message(1, 8, 1, 1))
+    vehicle.link.send(mavlink.MAVLink_ping_message(1, 8, vehicle.link.system, 1))
     assert [m for m in heard_after(vehicle, "PING", 1.0) if m.target_system == 245] == []
 
 
@@ -271,7 +279,7 @@ def test_system_time_is_the_calendar_beside_the_boot_clock(vehicle: Vehicle) -> 
 def test_an_empty_mission_is_told_again_until_it_is_acknowledged(vehicle: Vehicle) -> None:
     vehicle.link.run(0.1)
     from_s = vehicle.link.now_s
-    vehicle.link.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
+    vehicle.link.send(mavlink.MAVLink_mission_request_list_message(vehicle.link.system, 1, 0))
     vehicle.link.run(0.9)
     counts = vehicle.link.since(from_s, "MISSION_COUNT")
     measured = MEASURED["mission_count"]
@@ -289,7 +297,7 @@ FRAMES = {
     "frame12_BODY_FRD": (12, 1),
     "frame7_LOCAL_OFFSET_NED": (7, 1),
     "frame20_LOCAL_FRD": (20, 1),
-    "wrong_target_sysid": (1, 9),
+    "wrong_target_sysid": (1, 77),
     "target_sysid0": (1, 0),
     "nan_velocity": (1, 1),
     "all_ignored_mask": (1, 1),
@@ -300,6 +308,7 @@ FRAMES = {
 def test_only_some_setpoints_count(vehicle: Vehicle, needs: Needs, name: str) -> None:
     needs("flight")
     frame, target = FRAMES[name]
+    system = vehicle.link.system if target == 1 else target
     mask = 0xDFF if name == "all_ignored_mask" else 0x5C7
     north = math.nan if name == "nan_velocity" else 0.4
     result, mode, velocity, texts = MEASURED["setpoints"][name]
@@ -307,7 +316,7 @@ def test_only_some_setpoints_count(vehicle: Vehicle, needs: Needs, name: str) ->
     def send() -> None:
         vehicle.link.send(
             mavlink.MAVLink_set_position_target_local_ned_message(
-                *(0, target, 1, frame, mask, 0.0, 0.0, 0.0, north, 0.0, 0.0),
+                *(0, system, 1, frame, mask, 0.0, 0.0, 0.0, north, 0.0, 0.0),
                 *(0.0, 0.0, 0.0, 0.0, 0.0),
             )
         )

@@ -95,7 +95,9 @@ class Vehicle:
     def command(self, command: int, *parameters: float) -> None:
         """COMMAND_LONG as the ground station; what is not given is 0, as a plain client sends."""
         padded = (*parameters, *(0.0,) * (7 - len(parameters)))
-        self.link.send(mavlink.MAVLink_command_long_message(1, 1, command, 0, *padded))
+        self.link.send(
+            mavlink.MAVLink_command_long_message(self.link.system, 1, command, 0, *padded)
+        )
 
     def ask(self, command: int, *parameters: float, limit_s: float = 3.0) -> int:
         """A command's result."""
@@ -113,7 +115,7 @@ class Vehicle:
         """One velocity setpoint in local NED with a yaw rate."""
         self.link.send(
             mavlink.MAVLink_set_position_target_local_ned_message(
-                *(0, 1, 1, mavlink.MAV_FRAME_LOCAL_NED, _VELOCITY_AND_YAW_RATE),
+                *(0, self.link.system, 1, mavlink.MAV_FRAME_LOCAL_NED, _VELOCITY_AND_YAW_RATE),
                 *(0.0, 0.0, 0.0, *velocity_ned_m_s, 0.0, 0.0, 0.0, 0.0, yaw_rate_rad_s),
             )
         )
@@ -135,7 +137,7 @@ class Vehicle:
     def parameter(self, name: str) -> float | None:
         """A parameter's value; None where the vehicle has none of that name."""
         answer = self._parameter_answer(
-            mavlink.MAVLink_param_request_read_message(1, 1, name.encode(), -1), name
+            mavlink.MAVLink_param_request_read_message(self.link.system, 1, name.encode(), -1), name
         )
         if answer is None or answer.get_type() == "PARAM_ERROR":
             return None
@@ -152,7 +154,7 @@ class Vehicle:
         wire = struct.unpack("<f", struct.pack("<i", int(value)))[0] if whole else value
         kind = _INT32 if whole else _REAL32
         self._parameter_answer(
-            mavlink.MAVLink_param_set_message(1, 1, name.encode(), wire, kind), name
+            mavlink.MAVLink_param_set_message(self.link.system, 1, name.encode(), wire, kind), name
         )
 
     def _parameter_answer(self, request: Message, name: str) -> Message | None:
@@ -282,7 +284,18 @@ class Vehicle:
         cosine = math.cos(math.radians(here.lat * 1e-7))
         self.link.send(
             mavlink.MAVLink_command_int_message(
-                *(1, 1, mavlink.MAV_FRAME_GLOBAL, _REPOSITION, 0, 0, -1.0, 1.0, 0.0, math.nan),
+                *(
+                    self.link.system,
+                    1,
+                    mavlink.MAV_FRAME_GLOBAL,
+                    _REPOSITION,
+                    0,
+                    0,
+                    -1.0,
+                    1.0,
+                    0.0,
+                    math.nan,
+                ),
                 here.lat + round(north * degrees),
                 here.lon + round(east * degrees / cosine),
                 here.alt * 1e-3 + up,
@@ -340,11 +353,13 @@ class Vehicle:
 
 
 def _of_no_concern(seen: Seen) -> bool:
-    """True for the logger's own words and the reports on arming checks, which are periodic."""
+    """True for the logger's words, for reports on arming checks, which come as they change, and
+    for events that were never measured: every version has its own.
+    """
     if seen.channel == "text":
         return "[logger]" in seen.what
     return seen.channel == "event" and seen.what.startswith(
-        ("logger_", "check_", "commander_arming_check", "commander_health")
+        ("event ", "logger_", "check_", "commander_arming_check", "commander_health")
     )
 
 
