@@ -45,7 +45,7 @@ def longest_gap_ms(station: Station, seconds: float) -> int:
         for message in station.messages(seconds)
         if message.get_type() == "ATTITUDE"
     ]
-    return max(after - before for before, after in itertools.pairwise(clock))
+    return max(int(after - before) for before, after in itertools.pairwise(clock))
 
 
 def test_a_lost_link_is_silent_for_as_long_as_asked(tmp_path: Path) -> None:
