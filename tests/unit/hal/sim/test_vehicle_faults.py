@@ -83,8 +83,9 @@ def test_px4_acts_on_a_low_battery_in_the_air(remaining: float, action: int, mod
     assert flown.pilot.in_failsafe == (mode is not Mode.HOLD)
 
 
-def test_what_a_pilot_chooses_after_a_battery_failsafe_stays() -> None:
-    flown = Flown("battery@liftoff+8:remaining=0.06")
+@pytest.mark.parametrize("remaining", [0.06, 0.04])
+def test_what_a_pilot_chooses_after_a_battery_failsafe_stays(remaining: float) -> None:
+    flown = Flown(f"battery@liftoff+8:remaining={remaining}")
     flown.take_off()
     flown.step(2.5)
     flown.pilot.set_mode(Mode.HOLD.main, Mode.HOLD.sub)
