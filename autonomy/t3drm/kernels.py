@@ -669,6 +669,35 @@ def regularities_and_deaths(
     return rows
 
 
+@kernel
+def with_spheres(
+    points: Floats, keep_out: float, labels: Ints, chain: Mask, spheres: Mask, rows: Floats
+) -> Field:
+    """Every point as a disc of radius `keep_out`, but one sphere (as in `outlines`, and the
+    keep-out) instead of the points of every component where `spheres` is 1; those come last.
+    """
+    count = 0
+    for c in range(spheres.shape[0]):
+        count += spheres[c]
+    for k in range(labels.shape[0]):
+        count += 1 - spheres[labels[k]]
+    centres, radii = np.empty((count, 2)), np.full(count, keep_out)
+    own, links = np.empty(count, dtype=np.int64), np.ones(count, dtype=np.uint8)
+    at = 0
+    for k in range(labels.shape[0]):
+        if spheres[labels[k]] == 0:
+            centres[at, 0], centres[at, 1] = points[k, 0], points[k, 1]
+            own[at], links[at] = labels[k], chain[k]
+            at += 1
+    for c in range(spheres.shape[0]):
+        if spheres[c] == 1:
+            centres[at, 0], centres[at, 1] = rows[c, 0], rows[c, 1]
+            radii[at] = keep_out + rows[c, 2]
+            own[at] = c
+            at += 1
+    return centres, radii, own, links, into_squares(centres, radii.max())
+
+
 # ---------------------------------------------------------------- tangent graph
 
 

@@ -93,13 +93,8 @@ class KnownMap:
         )
         if not spheres.any():
             return Discs.joined(self.hits, radii, labels, chain)
-        kept = spheres[labels] == 0
-        chosen = np.flatnonzero(spheres)
-        return Discs.joined(
-            np.concatenate((self.hits[kept], outlines.rows[chosen, :2])),
-            np.concatenate((radii[kept], outlines.rows[chosen, 2] + keep_out_m)),
-            np.concatenate((labels[kept], chosen)),
-            np.concatenate((chain[kept], np.ones(chosen.shape[0], dtype=np.uint8))),
+        return Discs(
+            *kernels.with_spheres(self.hits, keep_out_m, labels, chain, spheres, outlines.rows)
         )
 
     def nearest_m(self, point: Point) -> float:

@@ -301,7 +301,6 @@ class Planner:
     ) -> tuple[Route | NoRoute, Discs]:
         """Round the spheres where they fit and cost little, else round every single hit."""
         spheres = _spheres_outside(level, start, goal)
-        exact_discs = scene.known.discs(level.keep_out_m, _NO_SPHERE)
         wide: Route | NoRoute | None = None
         if spheres.any():
             wide_discs = scene.known.discs(level.keep_out_m, spheres)
@@ -310,6 +309,7 @@ class Planner:
                 start, goal
             ):
                 return wide, wide_discs
+        exact_discs = scene.known.discs(level.keep_out_m, _NO_SPHERE)
         exact = self._route_among(exact_discs, start, goal, rung.seeds, rung.limit_m)
         if wide is None or _proves_defeat(exact):
             return exact, exact_discs
