@@ -64,7 +64,18 @@ def planner_section(measured: Campaign) -> str:
         parts += ["### Conics against arcs", bend_table(measured)]
     if measured.growth:
         parts += ["### More obstacles elsewhere", growth_table(measured.growth)]
+    parts += [f"![{title}]({name}.png)" for name, title in pictures(measured)]
     return "\n\n".join(parts)
+
+
+def pictures(measured: Campaign) -> list[tuple[str, str]]:
+    """(file, title) of every picture that `draw_all` draws of the campaign itself."""
+    found = [("length_time", "Length and time"), ("times", "Planning time"), ("success", "Success")]
+    if any(not r.direct for r in measured.reaches):
+        found.append(("head_start", "Head start over sampling planners"))
+    if measured.growth:
+        found.append(("growth", "Obstacles elsewhere"))
+    return found
 
 
 def stamp() -> str:
