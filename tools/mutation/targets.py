@@ -147,4 +147,16 @@ TARGETS: dict[str, Target] = {
         frozenset({"by_label", "outlines", "regularities_and_deaths"}),
         interpreted=True,
     ),
+    "square-kernels": Target(
+        KERNELS,
+        (f"{T3DRM}/test_kernels_squares.py",),
+        frozenset({"into_squares", "_strip", "_columns_of", "points_near", "segment_is_free"}),
+        interpreted=True,
+    ),
+    "flood-kernels": Target(
+        KERNELS,
+        (f"{T3DRM}/test_kernels_flood.py",),
+        frozenset({"_window", "_covered", "_spread", "_meets_free", "_set_aside", "_take_back"}),
+        interpreted=True,
+    ),
 }
