@@ -8,8 +8,9 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from types import CodeType, FunctionType, ModuleType
+from typing import TypeGuard
 
-Plain = bool | int | float | str
+Plain = bool | int | float | str | tuple[object, ...]
 
 
 @dataclass
@@ -71,8 +72,14 @@ def _changed_constants(module: ModuleType, new: CodeType) -> dict[str, tuple[Pla
     return {
         name: (vars(module)[name], value)
         for name, value in names.items()
-        if isinstance(value, Plain) and name in vars(module) and value != vars(module)[name]
+        if _is_plain(value) and name in vars(module) and value != vars(module)[name]
     }
+
+
+def _is_plain(value: object) -> TypeGuard[Plain]:
+    if isinstance(value, tuple):
+        return all(_is_plain(entry) for entry in value)
+    return isinstance(value, bool | int | float | str)
 
 
 def _is_function(code: CodeType) -> bool:

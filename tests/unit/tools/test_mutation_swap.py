@@ -14,6 +14,7 @@ SOURCE = '''\
 """A module that others have imported."""
 
 LEAST = 2.0
+STEPS = (1, 2.5)
 NAMES = {"a": 1}
 
 
@@ -106,6 +107,8 @@ def test_a_constant_changes_wherever_it_was_imported_to(module: Any) -> None:
     finally:
         del sys.modules["slope_user"]
     assert (module.LEAST, other.LEAST, other.LIMIT) == (3.0, 3.0, 2.0)
+    assert put(module, "(1, 2.5)", "(1, 3.5)")
+    assert module.STEPS == (1, 3.5)
 
 
 @pytest.mark.parametrize(
