@@ -490,9 +490,17 @@ class Pilot:
             self._status(tick),
             tick.fused,
             self._sensing.state_lost_s(tick.now_s),
-            self._sensing.silent_horizontal_beams(tick.now_s),
+            self._silent_beams(tick),
             mission_s,
         )
+
+    def _silent_beams(self, tick: Tick) -> dict[str, float]:
+        """Horizontal beams without a fresh reading, silent only for as long as this loop has
+        listened: one that stood still hears first whether PX4's failsafe has the vehicle.
+        """
+        listened_s = tick.now_s - self._listening_since_s
+        silent = self._sensing.silent_horizontal_beams(tick.now_s)
+        return {name: min(age_s, listened_s) for name, age_s in silent.items()}
 
     def _status(self, tick: Tick) -> VehicleStatus:
         """The vehicle's status, silent only for as long as this loop has listened."""

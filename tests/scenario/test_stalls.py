@@ -1,5 +1,7 @@
 """A loop that stood still did not listen: that is not the vehicle's silence."""
 
+import msgspec
+
 from autonomy.config import Config
 from autonomy.mission.guarded import Command
 from autonomy.model import Ending, MissionState
@@ -48,6 +50,37 @@ def test_a_link_that_stays_silent_after_a_stall_is_lost_in_bounded_time() -> Non
     flight = simulation().run(on_tick=cut)
     assert flight.outcome.ending is Ending.LINK_LOST, flight.outcome.why
     assert landing_s[0] - cut_s[0] < Config().vehicle.link_timeout_s + 0.2
+
+
+def test_a_loop_that_stood_still_lets_px4_s_failsafe_have_the_vehicle() -> None:
+    """As after SIGSTOP: what came meanwhile is not decoded yet when the first tick comes."""
+    asked_after: list[RequestKind] = []
+    stood_still = False
+
+    def stand_still(simulation: Simulation, command: Command) -> None:
+        nonlocal stood_still
+        if stood_still:
+            asked_after.extend(request.kind for request in command.decision.requests)
+        elif command.decision.state is MissionState.CRUISE:
+            stood_still = True
+            vehicle = simulation.vehicle
+            status, position = vehicle.status(), vehicle.local_position()
+            vehicle.advance(6.0)
+            old = simulation.inputs()
+            old_status = msgspec.structs.replace(
+                status, link_age_s=simulation.clock.now_s() - status.stamp_s
+            )
+            late = msgspec.structs.replace(
+                old, ranges=(), local_position=position, status=old_status
+            )
+            first = simulation.guarded.step(late)
+            asked_after.extend(request.kind for request in first.decision.requests)
+
+    flight = simulation().run(on_tick=stand_still)
+    assert stood_still
+    assert flight.outcome.ending is Ending.TAKEN_OVER, flight.outcome.why
+    assert "failsafe" in flight.outcome.why
+    assert asked_after == []
 
 
 def flown_with_refusals(refusals: int) -> tuple[SimulatedFlight, int]:
