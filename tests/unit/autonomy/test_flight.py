@@ -105,7 +105,7 @@ class Stage:
         self.vehicle.autopilot._intended = mode  # the simulated vehicle has no remote control
         self.vehicle.advance(0.05)
 
-    def when_cruising(self, act: Callable[[], None]) -> None:
+    def when_cruising(self, act: Callable[[], object]) -> None:
         """Call `act` once, in Offboard and moving."""
 
         def watch() -> None:
