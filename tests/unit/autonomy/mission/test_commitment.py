@@ -86,6 +86,11 @@ def test_a_new_goal_and_a_plan_after_none_choose_freely() -> None:
     assert east_of(commitment.plan(START, GOAL, turned, 0.0, first.points)) > 0.0
 
 
+def test_a_hit_that_was_noise_binds_nobody() -> None:
+    ghost, real = np.array(((2.5, 0.1),)), np.array(((2.5, -0.1),))
+    assert [side < 0.0 for side in replans(10.0, [ghost, real])] == [True, False]
+
+
 def test_a_side_that_has_closed_is_left() -> None:
     closed = np.concatenate((wall(-1.0, 1.1), row((2.0, -6.0), (2.0, -1.0))))
     assert [side < 0.0 for side in replans(10.0, [wall(-1.0, 1.1), closed])] == [True, False]

@@ -79,7 +79,15 @@ def test_before_a_plan_nothing_was_flown_and_past_its_end_it_is_the_last_leg() -
     assert legs.record() == ()
     legs.planned(ROUND)
     fly(legs, (1.3, 0.9), (1.3, 1.25), (1.3, 1.5))
-    assert len(legs.record()) > 0
+    assert legs.record()[-1].kind is LegKind.TANGENT
+
+
+def test_a_curve_that_is_longer_than_it_says_ends_with_the_last_leg() -> None:
+    legs = FlownLegs()
+    short = Leg(LegKind.HYPERBOLA, ((0.0, 0.0), (1.0, 0.0)), 0.99, WIDE)
+    legs.planned(plan(short))
+    fly(legs, (0.0, 0.0), (0.5, 0.0), (0.995, 0.0), (1.0, 0.0))
+    assert [(x.kind, x.flown_m) for x in legs.record()] == [(LegKind.HYPERBOLA, 1.0)]
 
 
 def test_metres_by_radius_begin_at_the_comfortable_one() -> None:

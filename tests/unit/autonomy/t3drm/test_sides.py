@@ -141,6 +141,28 @@ def test_a_side_that_is_closed_cannot_be_kept() -> None:
     assert on_the_same_side(PLANNER, best, EAST, WALL, closed, 0.0) is None
 
 
+def test_a_course_that_no_path_would_fly_cannot_be_kept() -> None:
+    hit = np.array(((2.5, 0.1),))
+    best = plan(START, hit)
+    round_it: tuple[Point, ...] = (
+        START, (2.5, 2.0), (4.0, 0.0), (2.5, -2.0), (1.0, 0.0), (2.5, 2.5), GOAL
+    )  # fmt: skip
+    assert np.array_equal(switched(round_it, best.points, hit), hit)
+    assert on_the_same_side(PLANNER, best, round_it, hit, hit, 0.0) is None
+
+
+def test_a_bar_reaches_from_what_is_passed_across_the_path_to_the_fence() -> None:
+    best = plan(START, WALL)
+    bar = barred(best.points, EAST, WALL, PLANNER)
+    assert bar is not None
+    assert still_there(bar[:1], WALL).shape == (1, 2)
+    assert PLANNER.fence.inside_distance_m(*bar[-1]) < 0.0
+    assert all(PLANNER.fence.inside_distance_m(*point) >= 0.0 for point in bar[:-1])
+    assert kernels.path_clearance(np.array(best.points), bar) < PLANNER.keep_outs_m[-1]
+    gaps = np.hypot(*np.diff(bar, axis=0).T)
+    assert gaps.max() < 2.0 * PLANNER.keep_outs_m[-1]
+
+
 def test_where_a_path_keeps_far_from_what_it_passes_there_is_no_place_for_a_bar() -> None:
     assert barred(WEST, EAST, np.array(((2.5, 0.0),)), PLANNER) is None
     assert barred(EAST, EAST, WALL, PLANNER) is None
