@@ -37,6 +37,11 @@ def segment(an: float, ae: float, bn: float, be: float) -> Floats:
         ((4.0, 3.0), (1.0, 1.0, 1.0, 1.0), 13.0),
         # Away from the line through (1, 2) along (3, 4): 2 to its side.
         ((1.0 + 3.0 + 1.6, 2.0 + 4.0 - 1.2), (1.0, 2.0, 7.0, 10.0), 4.0),
+        # Just beyond and just before its beginning; a short one.
+        ((0.05, 4.0), (0.0, 0.0, 10.0, 0.0), 16.0),
+        ((-0.05, 4.0), (0.0, 0.0, 10.0, 0.0), 16.0025),
+        ((0.2, 0.3), (0.0, 0.0, 0.5, 0.0), 0.09),
+        ((0.9, 0.3), (0.0, 0.0, 0.5, 0.0), 0.25),
         # Beyond its far end by 5.
         ((10.0, 14.0), (1.0, 2.0, 7.0, 10.0), 25.0),
     ],
@@ -110,6 +115,18 @@ def test_touching_circles_are_changed_over_on_a_tangent_of_no_length(
     assert onto == pytest.approx((True, 0.0, 0.0, -sense))
 
 
+def test_circles_half_a_metre_wide_touch_too_and_a_tenth_of_a_micrometre_is_rounding() -> None:
+    assert kernels.tangent(0.0, 0.0, 0.5, 1.0, 0.0, -0.5) == pytest.approx((True, 0.0, 0.0, 1.0))
+    # As far as 1e-7 m inside, exactly.
+    assert kernels.tangent(0.0, 0.0, 0.0, 1e-7, 0.0, 2e-7)[0]
+    assert not kernels.tangent(0.0, 0.0, 0.0, 1e-7, 0.0, 2.01e-7)[0]
+
+
+def test_directions_a_tenth_of_a_microradian_apart_are_two() -> None:
+    assert kernels.ahead(1.0, 0.0, TAU - 1e-7) == TAU - 1e-7
+    assert kernels.ahead(1.0, 0.0, TAU - 0.99e-7) == 0.0
+
+
 @pytest.mark.parametrize(
     ("sense", "from_deg", "to_deg", "expected_deg"),
     [
@@ -153,6 +170,11 @@ def test_the_angle_ahead_in_a_sense(
         ((1.0, 2.0, 1.0, 0.0), False),  # ends on it
         ((4.0, -1.0, 4.0, 1.0), False),  # through its end
         ((0.0, -1.0, 0.0, 1.0), False),  # through its beginning
+        # Short ones: on one side and towards it, across it, beside its end on either side.
+        ((1.0, 0.1, 1.05, 0.2), False),
+        ((1.0, -0.1, 1.05, 0.1), True),
+        ((4.05, -0.2, 4.05, 0.2), False),
+        ((3.95, -0.2, 3.95, 0.2), True),
     ],
 )
 @pytest.mark.parametrize("turned_deg", [0.0, 90.0])
@@ -172,7 +194,15 @@ def test_segments_cross_when_each_has_its_ends_on_both_sides_of_the_other(
 
 
 @pytest.mark.parametrize(
-    ("east", "free"), [(1.0, True), (1.0 - 5e-8, True), (1.0 - 3e-7, False), (0.0, False)]
+    ("east", "free"),
+    [
+        (1.0, True),
+        (1.0 - 5e-8, True),
+        (1.0 - 1e-7, True),
+        (1.0 - 1.1e-7, False),
+        (1.0 - 3e-7, False),
+        (0.0, False),
+    ],
 )
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_tangent_may_graze_a_circle_but_not_cut_it(
@@ -199,6 +229,8 @@ def test_every_circle_is_looked_at() -> None:
     [
         ((0.0, 0.0, 9.0, 2.0), True),
         ((0.0, 0.0, 9.0, 2.0 + 5e-8), True),
+        ((0.0, 0.0, 9.0, 2.0 + 1e-7), True),
+        ((0.0, 0.0, 9.0, 2.0 + 1.1e-7), False),
         ((0.0, 0.0, 9.0, 2.0 + 3e-7), False),
         ((0.0, 2.5, 9.0, 0.0), False),
         ((0.0, -1.5, 9.0, 0.0), False),
@@ -235,6 +267,19 @@ def test_circles_overlap_when_their_rims_cross(
     assert kernels._overlap(both, 1, 0, 1e-7) is overlap
 
 
+def test_circles_within_the_tolerance_of_touching_do_not_overlap() -> None:
+    for away_m, tolerance_m, overlap in (
+        (1.0, 0.0, False),
+        (3.0, 0.0, False),
+        (1.5, 0.5, False),
+        (2.5, 0.5, False),
+        (1.6, 0.5, True),
+        (2.4, 0.5, True),
+    ):
+        both = circles((0, 0, 2), (away_m, 0, 1))
+        assert kernels._overlap(both, 0, 1, tolerance_m) is overlap
+
+
 def barred(around: Floats, planes: Floats = NO_PLANES) -> list[list[float]]:
     bars, counts = kernels._barred_bearings(around, planes)
     return [
@@ -269,7 +314,7 @@ def test_a_fence_that_cuts_a_disc_bars_the_bearing_of_its_outward_normal(
         pytest.approx([bearing_deg])
     )
     # A disc that just touches the fence, or is clear of it, may be rounded.
-    for radius in (1.5, 1.0, 1.5 + 5e-8):
+    for radius in (1.5, 1.0, 1.5 + 5e-8, 1.5 + 1e-7):
         assert barred(circles((0, 0, 0), (1, 0, 0), (0, 0, radius)), np.array((side,)))[2] == []
     assert barred(circles((0, 0, 0), (1, 0, 0), (0, 0, 1.5 + 3e-7)), np.array((side,)))[2] != []
 
@@ -330,6 +375,13 @@ def test_every_node_of_the_queue_is_at_least_its_parent(keys: tuple[float, ...])
         assert queue[1][:3].tolist() == [0, 1, 2]
         kernels._sift_down(queue[0], queue[1], 2)
         assert queue[1][:2].tolist() == [2, 1]
+
+
+def test_of_equal_children_the_left_one_moves_up() -> None:
+    keys, items = np.array((1.0, 2.0, 2.0, 3.0)), np.array((0, 1, 2, 3))
+    kernels._sift_down(keys, items, 3)
+    assert keys[:3].tolist() == [2.0, 3.0, 2.0]
+    assert items[:3].tolist() == [1, 3, 2]
 
 
 # ---------------------------------------------------------------- laying, remembering
@@ -395,6 +447,15 @@ def test_an_arrival_behind_a_cheaper_one_on_the_same_way_round_is_dominated() ->
     ):
         assert kernels._dominated(arrivals, counts, 4, 2.0, at_rad, cost) is dominated
     assert not kernels._dominated(arrivals, counts, 5, 2.0, 1.0, 99.0)
+
+
+def test_an_arrival_as_cheap_as_rounding_tells_is_dominated() -> None:
+    arrivals = np.zeros((6, 8, 3))
+    counts = np.zeros(6, dtype=np.int64)
+    kernels._remember(arrivals, counts, 4, 0.0, 1e-12, 1.0)
+    assert kernels._dominated(arrivals, counts, 4, 1.0, 0.0, 0.0)
+    kernels._remember(arrivals, counts, 5, 0.0, 1.1e-12, 1.0)
+    assert not kernels._dominated(arrivals, counts, 5, 1.0, 0.0, 0.0)
 
 
 def test_in_the_other_sense_what_is_ahead_lies_on_the_other_side() -> None:
