@@ -556,6 +556,7 @@ def warm_up() -> None:
     plan = planner.plan((0.0, 0.0), (4.0, 0.1), wall)
     violated(np.array(plan.points if isinstance(plan, Plan) else ()), wall, 0.2)
     planner.plan((1.9, 0.0), (4.0, 0.1), wall)
+    planner.plan((0.0, 0.0), (4.0, 0.1), np.array([(2.0, 0.0), (2.05, 0.02)]))
     turn = np.linspace(0.0, 2.0 * math.pi, 60)
     ring = np.stack((4.0 + 0.6 * np.cos(turn), 0.6 * np.sin(turn)), axis=1)
     planner.plan((0.0, 0.0), (4.0, 0.1), ring)
