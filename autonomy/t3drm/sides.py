@@ -137,7 +137,9 @@ def barred(
     inside = True
     while inside:
         point = interpolate(anchor, at, len(bar) * step_m / gap_m)
-        if kernels.path_clearance(lane, np.array((point,))) < keep_out_m + kernels.SLACK_M:
+        # The first point is a hit itself: the course keeps clear of it already, if only just.
+        off_m = kernels.path_clearance(lane, np.array((point,)))
+        if bar and off_m < keep_out_m + kernels.SLACK_M:
             break
         bar.append(point)
         inside = planner.fence.inside_distance_m(*point) >= 0.0

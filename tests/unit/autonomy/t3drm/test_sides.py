@@ -135,6 +135,17 @@ def test_what_is_kept_is_on_the_side_of_the_course_free_and_no_better_than_the_b
         assert kernels.path_clearance(path, wall) > kept.keep_out_m - 2e-3
 
 
+def test_the_side_of_a_single_hit_can_be_kept_too() -> None:
+    hit = np.array(((2.5, 0.05),))
+    best = plan(START, hit)
+    assert east_most(best.points) < 0.0
+    beside = plan(START, hit * (1.0, -1.0))
+    course = tuple((n, e + 0.101) for n, e in beside.points)
+    kept = on_the_same_side(PLANNER, best, course, hit, hit, 0.0)
+    assert kept is not None
+    assert east_most(kept.points) > 0.0
+
+
 def test_a_side_that_is_closed_cannot_be_kept() -> None:
     closed = np.concatenate((WALL, row((2.0, 1.1), (2.0, 6.0))))
     best = plan(START, closed)
