@@ -69,6 +69,24 @@ class MapConfig(Section):
     """Guard: everything within this of the corridor's axis must have been seen."""
 
 
+class StoreysConfig(Section):
+    """Over and under: the heights of flight in the altitude band (autonomy/t3drm/over_under.py)."""
+
+    use: Literal["never", "closed", "cheapest"] = "closed"
+    """never: fly at the goal's height only; closed: leave it when nothing leads on there; cheapest:
+    whenever another height, with its climbs, costs less."""
+    spacing_m: Positive = 0.22
+    """From one storey to the next. A storey is flown at only past what was seen neither there nor
+    at its neighbours, so this is also the least height between the vehicle and a top."""
+    climb_m_s: Positive = 0.3
+    change_s: NonNegative = 2.5
+    """What a change of height costs besides the climb: to settle, and to look round."""
+    gain_m: NonNegative = 0.5
+    """Another storey must be cheaper than the present one by this: no dither."""
+    changes_max: int = Field(default=40, ge=0)
+    """After so many changes of height a flight stays where it is."""
+
+
 class PlannerConfig(Section):
     """T3DRM planning. Clearances are added to the body radius to give the keep-out radii."""
 
@@ -90,6 +108,7 @@ class PlannerConfig(Section):
     """Cell of the local grid on which the fallback geodesic is found."""
     tangent_discs_max: int = Field(default=80, ge=1)
     """Above this many active discs the geodesic decides."""
+    storeys: StoreysConfig = Field(default_factory=StoreysConfig)
 
 
 class ReplanConfig(Section):
@@ -281,6 +300,19 @@ class Config(Section):
             )
         if self.guidance.speed_max_m_s > self.guard.speed_max_m_s:
             raise ValueError("guidance.speed_max_m_s must not be above guard.speed_max_m_s")
+        return self
+
+    @model_validator(mode="after")
+    def _storeys_leave_room(self) -> "Config":
+        least_m = max(
+            self.body.half_height_m + self.planner.hard_clearance_m, self.guard.beam_stop_m
+        )
+        if self.planner.storeys.use != "never" and self.planner.storeys.spacing_m < least_m:
+            raise ValueError(
+                f"planner.storeys.spacing_m must be at least {least_m:g} (body.half_height_m + "
+                "planner.hard_clearance_m, and guard.beam_stop_m), or the vehicle would pass too "
+                "near above or below something; or set planner.storeys.use to never"
+            )
         return self
 
 

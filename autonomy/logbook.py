@@ -68,8 +68,9 @@ def report_of_log(path: Path) -> FlightReport:
 def draw_log(path: Path, out: Path) -> None:
     """Draw the flight recorded at `path` into a PNG: over its scenario where there was one.
 
-    The map is not in the log: the inputs are flown again, and the map that the pilot had at the end
-    is drawn. Raises NotReplayable, DocumentError, BadInput as the parts do.
+    The map is not in the log: the inputs are flown again, and the maps that the pilot had at the
+    end are drawn, of whatever height. Raises NotReplayable, DocumentError, BadInput as its parts
+    do.
     """
     log = FlightLog.open(path)
     config, route = recorded_config(log), log.route()
@@ -85,7 +86,9 @@ def draw_log(path: Path, out: Path) -> None:
             legs.extend((leg.kind.value, leg.points) for leg in decision.plan.legs)
         if decision.fused is not None and any(e.name == "stop" for e in decision.events):
             stops.append(decision.fused.point)
-    hits = [(north, east) for north, east in guarded.pilot.sensing.map.hits().tolist()]
+    hits = [(north, east) for north, east in guarded.pilot.sensing.maps.all_hits().tolist()]
+    wanted_m = {-goal[2] for goal in route}
+    elsewhere = [stretch for stretch in tally.stretches if stretch[0] not in wanted_m]
     scenario = load_scenario(log.header.scenario) if log.header.scenario else None
     pictures.save_flight(
         out,
@@ -96,5 +99,6 @@ def draw_log(path: Path, out: Path) -> None:
         hits=hits,
         stops=stops,
         goal=(route[-1][0], route[-1][1]),
+        heights=elsewhere,
         title=f"{tally.path_length_m:.2f} m in {tally.flight_time_s:.0f} s, {tally.stops} stops",
     )

@@ -117,6 +117,8 @@ class Plan(msgspec.Struct, frozen=True, tag="plan"):
     obstacles: tuple[Obstacle, ...]
     rejected: tuple[tuple[Point, ...], ...] = ()
     """Candidates that were longer or blocked, for people to look at."""
+    height_m: float | None = None
+    """Above the take-off point: the height that all legs are flown at."""
 
     @property
     def points(self) -> tuple[Point, ...]:
@@ -237,6 +239,8 @@ class Decision(msgspec.Struct, frozen=True):
     stops: int = 0
     replans: int = 0
     outcome: Outcome | None = None
+    height_m: float | None = None
+    """The height of flight above the take-off point: being flown at, or changed to."""
 
 
 class Command(msgspec.Struct, frozen=True):

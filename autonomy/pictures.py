@@ -28,6 +28,7 @@ LEG_STYLE: Mapping[str, tuple[str, str]] = {
     "geodesic": (ORANGE, "-"),
     "rejected": ("#afb8c1", "--"),
 }
+HEIGHTS = (ORANGE, SKY, PURPLE, GREEN)
 BEAM_REACH_M = 1.0
 
 
@@ -62,6 +63,7 @@ def draw_flight(
     hits: Sequence[PointNE] = (),
     discs: Sequence[tuple[PointNE, float]] = (),
     stops: Sequence[PointNE] = (),
+    heights: Sequence[tuple[float, Sequence[PointNE]]] = (),
     start: PointNE | None = None,
     goal: PointNE | None = None,
 ) -> None:
@@ -69,7 +71,8 @@ def draw_flight(
 
     `flown` is the path flown; `legs` are (kind, polyline) with the kinds of LEG_STYLE, others are
     drawn as straight ones; `hits` are range returns; `discs` are (centre, radius_m) of keep-outs;
-    `stops` are where the vehicle stopped to look.
+    `stops` are where the vehicle stopped to look; `heights` are stretches (height_m, polyline) that
+    were flown over or under something.
     """
     from matplotlib.patches import Circle
 
@@ -87,6 +90,9 @@ def draw_flight(
         axes.plot(*_columns(points), color=colour, ls=line, lw=1.6, zorder=below, label=kind)
     if hits:
         axes.scatter(*_columns(hits), s=6, color=VERMILION, lw=0, zorder=4.5, label="hits")
+    for number, (height_m, points) in enumerate(heights):
+        style = {"color": HEIGHTS[number % len(HEIGHTS)], "lw": 9.0, "alpha": 0.5, "zorder": 4.6}
+        axes.plot(*_columns(points), label=f"at {height_m:.2f} m", **style)
     if flown:
         axes.plot(*_columns(flown), color=PAPER, lw=3.4, zorder=4.8, solid_capstyle="round")
         axes.plot(
@@ -161,16 +167,18 @@ def save_flight(
     stops: Sequence[PointNE],
     goal: PointNE,
     title: str,
+    heights: Sequence[tuple[float, Sequence[PointNE]]] = (),
 ) -> None:
     """Draw a flight into a PNG file: over its scenario, or over the fence where there was none.
 
-    `legs` are those of every plan, the last drawn on top; `stops` are marked. Raises BadInput when
-    matplotlib is not installed or the file cannot be written.
+    `legs` are those of every plan, the last drawn on top; `stops` are marked, and so are
+    `heights`, the stretches (height_m, polyline) flown over or under something. Raises BadInput
+    when matplotlib is not installed or the file cannot be written.
     """
     world = scenario or Scenario(name="flight", title="Flight", goal_ne_m=goal, fence=fence)
     figure, axes = new_figure()
     draw_scenario(axes, world.model_copy(update={"goal_ne_m": goal}), legend=False)
-    draw_flight(axes, flown, legs=legs, hits=hits, stops=stops)
+    draw_flight(axes, flown, legs=legs, hits=hits, stops=stops, heights=heights)
     _title(axes, f"{world.title}: {title}")
     _save(figure, path)
 

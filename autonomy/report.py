@@ -89,6 +89,8 @@ class FlightReport(msgspec.Struct, frozen=True):
     """The legs in the order flown, each with its keep-out radius (Eq. 2)."""
     leg_kinds: tuple[str, ...] = ()
     """The kinds of legs that were planned, in the order of their first use."""
+    heights_m: tuple[float, ...] = ()
+    """Heights above the take-off point of the stretches of way, in the order flown."""
     guard_limits: dict[str, int] = msgspec.field(default_factory=dict)
     """How many ticks each rule of the guard changed the setpoint."""
     late_ticks: int = 0
@@ -168,6 +170,8 @@ def report_rows(report: FlightReport) -> list[tuple[str, str]]:
         rows.append(("legs", ", ".join(report.leg_kinds)))
     if report.legs:
         rows.append(("keep-out radii", _radii(report.legs)))
+    if len(report.heights_m) > 1:
+        rows.append(("heights", " -> ".join(f"{h:.2f}" for h in report.heights_m) + " m"))
     if report.guard_limits:
         limits = ", ".join(f"{name} {ticks}" for name, ticks in sorted(report.guard_limits.items()))
         rows.append(("guard, ticks", limits))

@@ -196,7 +196,9 @@ class _Book:
         if self.track:
             self._length_m += distance(self.track[-1], point)
         self.track.append(point)
-        clearance_m = simulation.world.clearance_m(truth.position_ned_m)
+        clearance_m = simulation.world.clearance_m(
+            truth.position_ned_m, self._body.body_half_height_m
+        )
         self._clearance_m = min(self._clearance_m, clearance_m)
         self._collided |= simulation.world.collides(
             truth.position_ned_m, self._body.body_radius_m, self._body.body_half_height_m

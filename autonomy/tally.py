@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from autonomy.config import Config
 from autonomy.geometry import Point, distance, polyline_length
 from autonomy.mission.flown import FlownLegs
-from autonomy.mission.machine import OFFBOARD_STATES
+from autonomy.mission.machine import OFFBOARD_STATES, PATH_STATES
 from autonomy.model import Command, Decision, Event, Inputs, Outcome, Plan
 from autonomy.planning_time import PlanningTime
 from autonomy.report import EXIT_CODES, FlightReport
@@ -18,6 +18,9 @@ from autonomy.t3drm.bound import BoundTally
 from autonomy.t3drm.sides import SideChanges
 from hal.frames import Vector3
 from hal.readings import LandedState
+
+_TRACK_STEP_M = 0.03
+"""Steps shorter than the noise would add up to a length that nobody flew."""
 
 
 @dataclass
@@ -39,6 +42,8 @@ class Tally:
     guard_limits: Counter[str] = field(default_factory=Counter)
     events: list[Event] = field(default_factory=list)
     track: list[Point] = field(default_factory=list)
+    stretches: list[tuple[float, list[Point]]] = field(default_factory=list)
+    """(height above the take-off point, track) of every stretch of way at one height."""
     _airborne_s: float | None = None
 
     def note(self, command: Command, inputs: Inputs, step_s: float) -> None:
@@ -57,13 +62,13 @@ class Tally:
         if self._airborne_s is None:
             self._airborne_s = decision.now_s
         self.flight_time_s = decision.now_s - self._airborne_s
-        # Steps shorter than the noise would add up to a length that nobody flew.
         if not self.track:
             self.track.append(fused.point)
-        elif (step_m := distance(self.track[-1], fused.point)) > 0.03:
+        elif (step_m := distance(self.track[-1], fused.point)) > _TRACK_STEP_M:
             self.path_length_m += step_m
             self.legs.moved(decision.now_s, fused.point, step_m)
             self.track.append(fused.point)
+        self._note_height(decision)
         velocity = fused.velocity_ned_m_s
         self.max_speed_m_s = max(self.max_speed_m_s, (velocity[0] ** 2 + velocity[1] ** 2) ** 0.5)
         if decision.state in OFFBOARD_STATES:
@@ -84,6 +89,17 @@ class Tally:
         for leg in plan.legs:
             if leg.kind.value not in self.leg_kinds:
                 self.leg_kinds.append(leg.kind.value)
+
+    def _note_height(self, decision: Decision) -> None:
+        """The stretch goes on, or another one begins."""
+        height_m, fused = decision.height_m, decision.fused
+        if height_m is None or fused is None or decision.state not in PATH_STATES:
+            return
+        if not self.stretches or self.stretches[-1][0] != height_m:
+            self.stretches.append((height_m, []))
+        points = self.stretches[-1][1]
+        if not points or distance(points[-1], fused.point) > _TRACK_STEP_M:
+            points.append(fused.point)
 
     def report(
         self,
@@ -117,6 +133,7 @@ class Tally:
             max_speed_m_s=self.max_speed_m_s,
             timing=self.planning.record(),
             leg_kinds=tuple(self.leg_kinds),
+            heights_m=tuple(height_m for height_m, _ in self.stretches),
             guard_limits=dict(self.guard_limits),
             late_ticks=self.late_ticks,
             events=tuple((event.stamp_s, event.name, event.why) for event in self.events),

@@ -21,6 +21,10 @@ class Commitment:
         self._goal: Point | None = None
         self._known: Floats | None = None
 
+    def forget(self) -> None:
+        """The next plan is free in its choice, too: other obstacles, at another height."""
+        self._known = None
+
     def plan(
         self,
         point: Point,

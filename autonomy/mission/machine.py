@@ -28,6 +28,9 @@ OFFBOARD_STATES = frozenset({S.OFFBOARD, S.CRUISE, S.STOP, S.DETECT, S.REPLAN, S
 NAVIGATING_STATES = OFFBOARD_STATES - {S.OFFBOARD}
 """States in which PX4 must be in Offboard: if it is not, somebody took the vehicle."""
 
+PATH_STATES = frozenset({S.CRUISE, S.FOLLOW})
+"""States in which the vehicle is on its way."""
+
 
 def diagram() -> str:
     """The machine as a Mermaid state diagram."""

@@ -37,6 +37,7 @@ from autonomy.guidance.pid import Pid
 from autonomy.guidance.yaw_scan import YawScan
 from autonomy.mission import failsafe
 from autonomy.mission.commitment import Commitment
+from autonomy.mission.heights import Heights
 from autonomy.mission.ladder import Ladder, Rung
 from autonomy.mission.machine import NAVIGATING_STATES, OFFBOARD_STATES, TRANSITIONS
 from autonomy.mission.sensing import Sensing
@@ -55,6 +56,7 @@ from autonomy.model import (
     Outcome,
     Plan,
 )
+from autonomy.t3drm.over_under import Way
 from autonomy.t3drm.planner import Planner, violated
 from autonomy.t3drm.speed import speed_limit_m_s
 from hal.frames import Vector3, horizontal_norm
@@ -69,8 +71,6 @@ _STOP_LEAD_S = 0.1
 """Where to hold: the vehicle cannot stop at once, and is not asked to come back."""
 _PATH_SLACK_M = 0.015
 """A hit this much inside the keep-out radius is noise, not an obstacle in the way."""
-_HEIGHT_REACHED_M = 0.15
-_CLIMB_TIMEOUT_S = 10.0
 _STUCK_AFTER_S = 6.0
 _STUCK_WITHIN_M = 0.05
 _DISC_UNDER_VEHICLE_M = 0.14
@@ -100,6 +100,7 @@ class Pilot:
         self._sequence = Sequence(config)
         planner = Planner(config.planner, config.body.radius_m, config.guard.fence)
         self._commitment = Commitment(planner, config.mission.replan.side_hysteresis_m)
+        self._heights = Heights(config, self._sensing, planner)
         self._scan = YawScan(math.radians(config.guidance.yaw_rate_deg_s))
         self._loops = OuterLoops(config.guidance)
         self._climb = Pid(config.guidance.altitude, config.guard.climb_max_m_s)
@@ -113,11 +114,10 @@ class Pilot:
         self._path_keep_out_m = 0.0
         self._path_checked = (-1, -1)
         self._planned_s = -math.inf
-        self._hold_at: Vector3 | None = None
+        self._hold_at: Point | None = None
         self._landing_ordered = False
         self._held = False
         self._must_land = False
-        self._climbing = False
         self._held_from = MissionState.PREFLIGHT
         self._ladder = Ladder(config.mission.replan.attempts)
         self._look_for_s = 0.0
@@ -199,6 +199,9 @@ class Pilot:
         """
         if self._arrived(tick.fused):
             return self._next_goal(tick)
+        move = self._on_other_heights(tick)
+        if move is not None:
+            return move
         blocked_m = self._blocked_ahead_m()
         if blocked_m is not None:
             move = self._on_blocked(tick, blocked_m)
@@ -212,7 +215,7 @@ class Pilot:
     def _on_blocked(self, tick: Tick, blocked_m: float) -> Move | None:
         """Something known stands on the path, `blocked_m` ahead."""
         replan = self._config.mission.replan
-        if replan.mode == "rolling":
+        if replan.mode == "rolling" or self._heights.proving:
             if tick.now_s - self._planned_s < replan.min_interval_s:
                 return None
             return self._replan(tick)
@@ -229,58 +232,105 @@ class Pilot:
 
     def _detect(self, tick: Tick) -> Move | None:
         """DETECT: turn until every bearing was seen once more, at the height of the flight."""
-        elapsed_s = self._elapsed_s(tick)
-        if self._still_climbing(tick, elapsed_s):
+        if self._heights.changing:
+            if self._heights.change(tick):
+                self._commitment.forget()
+                self._entered_s = tick.now_s
+                self._scan.restart()
             return None
-        if abs(self._scan.turned_rad) < _SWEEP_RAD or elapsed_s < self._look_for_s:
+        if abs(self._scan.turned_rad) < _SWEEP_RAD or self._elapsed_s(tick) < self._look_for_s:
             return None
         self._look_for_s = 0.0
+        self._heights.looked_round(tick.fused.point)
         return Move(MissionState.REPLAN, "every direction was seen")
-
-    def _still_climbing(self, tick: Tick, elapsed_s: float) -> bool:
-        """True until the height of the flight is reached; the look round begins there.
-
-        What was seen on the way up or down was seen at another height, and is forgotten.
-        """
-        away_m = abs(tick.fused.position_ned_m[2] - self.goal[2])
-        if away_m > _HEIGHT_REACHED_M and elapsed_s < _CLIMB_TIMEOUT_S:
-            self._climbing = True
-            return True
-        if self._climbing:
-            self._climbing = False
-            self._sensing.settle_at_height(tick.fused.point)
-            self._scan.restart()
-        return False
 
     def _replan(self, tick: Tick) -> Move | None:
         """REPLAN: classify, choose sphere or hyperbola, take the cheapest free path.
 
-        Algorithm 2, steps 4 to 7 and 10; Algorithm 1 times it.
+        Algorithm 2, steps 4 to 7 and 10; Algorithm 1 times it. Where nothing leads on at this
+        height, over and under are looked at, one a tick.
         """
+        if self._state is MissionState.REPLAN and self._heights.searching:
+            found = self._heights.ask_on()
+            if isinstance(found, NoPlan) and self._heights.stop_guessing():
+                return None
+            return self._decided(tick, found)
         self._planned_s = tick.now_s
         self.replans += 1
+        tolerance_m = _GOAL_MAY_MOVE * self._config.mission.goal_tolerance_m
         goal = (self.goal[0], self.goal[1])
-        result = self._commitment.plan(
+        here = self._commitment.plan(
             tick.fused.point,
             goal,
-            np.array(self._sensing.map.hits()),
-            _GOAL_MAY_MOVE * self._config.mission.goal_tolerance_m,
+            np.array(self._heights.hits()),
+            tolerance_m,
             self._path.remaining(),
         )
-        tick.plan = result
-        if isinstance(result, NoPlan):
-            return self._no_way(tick, result.reason, result.evidence)
-        self._path = FlownPath(result.points)
-        self._path_keep_out_m = result.keep_out_m
+        here = self._heights.ask(tick, here, goal, tolerance_m)
+        if isinstance(here, Plan):
+            return self._take(tick, here)
+        if not self._heights.searching:
+            return None if self._heights.stop_guessing() else self._decided(tick, here)
+        if self._state is MissionState.REPLAN:
+            return None
+        height = f"{self._heights.present_m:.2f} m"
+        return Move(MissionState.STOP, f"{here.reason} at {height}; looking at other heights")
+
+    def _decided(self, tick: Tick, found: Way | NoPlan | None) -> Move | None:
+        """What the search came to; None while it goes on."""
+        if found is None:
+            return None
+        if isinstance(found, Way):
+            if found.height_m == self._heights.present_m:
+                return self._take(tick, found.plan)
+            return Move(MissionState.DETECT, self._go_to_height(tick, found))
+        tick.plan = found
+        return self._no_way(tick, found.reason, found.evidence)
+
+    def _on_other_heights(self, tick: Tick) -> Move | None:
+        """On the way: come to the goal's height above or below it, or to a cheaper height."""
+        heights = self._heights
+        if not heights.at_goals_height and self._is_over_or_under_goal(tick.fused):
+            goal_m = heights.goal_m
+            if not heights.may_change(tick, goal_m):
+                return self._no_way(tick, f"the way to the goal's height, {goal_m:.2f} m", ())
+            heights.change_to(goal_m)
+            return Move(MissionState.STOP, f"over or under the goal; on to {goal_m:.2f} m")
+        found = heights.ask_on() if heights.searching else None
+        if found is None or isinstance(found, NoPlan) or found.height_m == heights.present_m:
+            return None
+        return Move(MissionState.STOP, self._go_to_height(tick, found))
+
+    def _go_to_height(self, tick: Tick, way: Way) -> str:
+        """Order the change of height on a way, and say so."""
+        above_m = way.height_m - self._heights.goal_m
+        which = "over the obstacle" if above_m > 0.0 else "under the obstacle"
+        if above_m == 0.0:
+            which = "at the goal's height"
+        first_m = self._heights.towards(way, tick.fused.point)
+        first = "" if first_m == way.height_m else f"; first to {first_m:.2f} m"
+        return (
+            f"{which} at {way.height_m:.2f} m: {way.plan.length_m:.2f} m of way, with the climbs "
+            f"as dear as {way.cost_m:.2f} m{first}"
+        )
+
+    def _take(self, tick: Tick, plan: Plan) -> Move | None:
+        """Fly a plan of the present height."""
+        tick.plan = plan
+        self._path = FlownPath(plan.points)
+        self._path_keep_out_m = plan.keep_out_m
         self._path_checked = (-1, -1)
         self._moved_from = None
-        straight = all(leg.kind is LegKind.STRAIGHT for leg in result.legs)
+        straight = all(leg.kind is LegKind.STRAIGHT for leg in plan.legs)
         state = MissionState.CRUISE if straight else MissionState.FOLLOW
+        why = _why_this_plan(plan)
+        if not self._heights.at_goals_height:
+            why = f"at {self._heights.present_m:.2f} m high, {why}"
         if state is self._state:
-            tick.say("replan", _why_this_plan(result))
+            tick.say("replan", why)
             self._fly_path(tick)
             return None
-        return Move(state, _why_this_plan(result))
+        return Move(state, why)
 
     def _no_way(self, tick: Tick, reason: str, evidence: tuple[Point, ...]) -> Move:
         """The fixed ladder: look again, forget nearby, forget all, verdict. Never reset."""
@@ -291,10 +341,11 @@ class Pilot:
             return Move(MissionState.LAND, why, Outcome(Ending.UNREACHABLE, why, evidence))
         doing = str(rung)
         if rung is Rung.FORGET_NEARBY:
-            self._sensing.map.forget_within(point, replan.forget_radius_m, _DISC_UNDER_VEHICLE_M)
-            doing = f"{rung} {replan.forget_radius_m:g} m"
+            radius_m, spacing_m = replan.forget_radius_m, self._config.planner.storeys.spacing_m
+            self._sensing.maps.forget_within(point, radius_m, _DISC_UNDER_VEHICLE_M, spacing_m)
+            doing = f"{rung} {radius_m:g} m"
         elif rung is Rung.FORGET_ALL:
-            self._sensing.map.forget_all(point, _DISC_UNDER_VEHICLE_M)
+            self._heights.forget(tick, _DISC_UNDER_VEHICLE_M)
         self._look_for_s = replan.hover_s
         return Move(
             MissionState.DETECT,
@@ -305,8 +356,7 @@ class Pilot:
         """Arrived: next goal of the route, or the end of the flight."""
         self._goal_index += 1
         if self._goal_index < len(self._route):
-            climb_m = abs(self.goal[2] - tick.fused.position_ned_m[2])
-            if climb_m > _HEIGHT_REACHED_M:
+            if self._heights.aim(-tick.fused.position_ned_m[2], -self.goal[2]):
                 self._hold_at = None
                 why = f"goal {self._goal_index} reached; changing height in place"
                 return Move(MissionState.DETECT, why)
@@ -319,9 +369,15 @@ class Pilot:
         """Within the tolerance of the goal, horizontally and in height."""
         tolerance_m = self._config.mission.goal_tolerance_m
         return (
-            distance(fused.point, (self.goal[0], self.goal[1])) <= tolerance_m
+            self._heights.at_goals_height
+            and self._is_over_or_under_goal(fused)
             and abs(fused.position_ned_m[2] - self.goal[2]) <= 2.0 * tolerance_m
         )
+
+    def _is_over_or_under_goal(self, fused: FusedState) -> bool:
+        """Within the tolerance of the goal, horizontally."""
+        gap_m = distance(fused.point, (self.goal[0], self.goal[1]))
+        return gap_m <= self._config.mission.goal_tolerance_m
 
     def _blocked_ahead_m(self) -> float | None:
         """How far ahead along the path a known hit is too near; None when the path is free.
@@ -372,7 +428,8 @@ class Pilot:
             (direction[0] * speed_m_s, direction[1] * speed_m_s), velocity, tick.dt_s
         )
         north, east = push_away(wanted, nearest, guidance)
-        climb_m_s = self._climb.step(self.goal[2], fused.position_ned_m[2], tick.dt_s)
+        down_m = -self._heights.commanded_m
+        climb_m_s = self._climb.step(down_m, fused.position_ned_m[2], tick.dt_s)
         self._hold_at = None
         tick.setpoint = Setpoint(
             tick.now_s,
@@ -392,20 +449,20 @@ class Pilot:
             yaw_rad = self._scan.step(fused.yaw_rad, tick.dt_s)
         nearest = self._sensing.map.nearest_hit(fused.position_ned_m, _CLEARANCE_LIMIT_M)
         push = push_away((0.0, 0.0), nearest, self._config.guidance)
+        down_m = -self._heights.commanded_m
         if push != (0.0, 0.0):
             self._hold_at = None
-            tick.setpoint = Setpoint(tick.now_s, fused.position_ned_m, (*push, 0.0), yaw_rad)
+            tick.setpoint = Setpoint(tick.now_s, (*fused.point, down_m), (*push, 0.0), yaw_rad)
             return
         if self._hold_at is None:
             velocity = fused.velocity_ned_m_s
             self._hold_at = (
                 fused.position_ned_m[0] + velocity[0] * _STOP_LEAD_S,
                 fused.position_ned_m[1] + velocity[1] * _STOP_LEAD_S,
-                self.goal[2],
             )
-        target = (self._hold_at[0], self._hold_at[1])
-        added = self._loops.hold(target, fused.point, tick.dt_s)
-        tick.setpoint = Setpoint(tick.now_s, self._hold_at, (*added, 0.0), yaw_rad)
+        added = self._loops.hold(self._hold_at, fused.point, tick.dt_s)
+        place = (*self._hold_at, down_m)
+        tick.setpoint = Setpoint(tick.now_s, place, (*added, 0.0), yaw_rad)
 
     def _stream_something(self, tick: Tick) -> None:
         """Every offboard tick has a setpoint; where no state gave one, it is to hold."""
@@ -567,9 +624,13 @@ class Pilot:
                 self._armed_s = tick.now_s
             case MissionState.OFFBOARD:
                 self._hold_at = None
+                self._heights.begin(-tick.fused.position_ned_m[2], -self.goal[2])
                 self._sensing.map.mark_seen_disc(tick.fused.point, self._config.map.start_disc_m)
             case MissionState.STOP | MissionState.DETECT | MissionState.HOLD:
                 self._scan.restart()
+                self._heights.pause(-tick.fused.position_ned_m[2])
+            case MissionState.LAND:
+                self._heights.pause(-tick.fused.position_ned_m[2])
             case _:
                 pass
 
@@ -596,6 +657,7 @@ class Pilot:
             stops=self.stops,
             replans=self.replans,
             outcome=self._outcome if self._state is MissionState.DONE else None,
+            height_m=self._heights.flown_at_m if navigating else None,
         )
 
 

@@ -13,10 +13,18 @@ from autonomy.geometry import Point
 from autonomy.model import FusedState, Inputs
 from autonomy.perception.obstacle_map import ObstacleMap
 from autonomy.perception.projection import Projector
+from autonomy.perception.storey_maps import StoreyMaps
 from hal.frames import ZERO3, Vector3, add, subtract
 from hal.readings import RangeReading, RangeStatus
 
 _UPWARDS_DEG = 60.0
+
+
+class Room(msgspec.Struct, frozen=True):
+    """How far it is free above or below the vehicle's centre; `ends`: a surface is there."""
+
+    free_m: float
+    ends: bool
 
 
 class Sensing:
@@ -26,15 +34,23 @@ class Sensing:
         self._config = config
         self._fusion = Fusion(config.estimation, config.beams)
         self._projector = Projector(config.beams, config.body.half_height_m)
-        self.map = ObstacleMap(config.map, config.body.radius_m, config.guard.fence)
+        self.maps = StoreyMaps(config.map, config.body.radius_m, config.guard.fence)
+        """One map for each height of flight."""
+        self._between_heights = True
         self.home_ned_m: Vector3 = ZERO3
         """The mission frame's origin in the autopilot's local frame."""
         self._home_fixed = False
         self._measured_s: dict[str, float] = {}
+        self._measured: dict[str, RangeReading] = {}
         self._first_s: float | None = None
         self._state_lost_since_s: float | None = None
         self.newest: dict[str, RangeReading] = {}
         """The newest reading of every beam, whatever its status."""
+
+    @property
+    def map(self) -> ObstacleMap:
+        """The map at the present height of flight."""
+        return self.maps.present
 
     def fix_home(self) -> None:
         """The vehicle is being armed: the origin stays where it is from now on."""
@@ -48,6 +64,7 @@ class Sensing:
             self.newest[reading.beam] = reading
             if reading.status not in (RangeStatus.NO_SIGNAL, RangeStatus.SUSPECT):
                 self._measured_s[reading.beam] = reading.stamp_s
+                self._measured[reading.beam] = reading
         local = self._fusion.step(
             inputs.now_s, inputs.local_position, inputs.attitude, inputs.gnss, inputs.ranges
         )
@@ -63,7 +80,8 @@ class Sensing:
         if fused.ok:
             self._state_lost_since_s = None
             if self._home_fixed:
-                self.map.update(inputs.now_s, self._projector.step(fused, inputs.ranges))
+                rays = self._projector.step(fused, inputs.ranges)
+                self.map.update(inputs.now_s, () if self._between_heights else rays)
         elif self._state_lost_since_s is None:
             self._state_lost_since_s = inputs.now_s
         return fused
@@ -100,6 +118,32 @@ class Sensing:
                 return reading.range_m - mount.down_m if seen else None
         return None
 
-    def settle_at_height(self, point: Point) -> None:
-        """What was seen at another height says nothing about this one: forget it."""
-        self.map.forget_all(point, self._config.map.start_disc_m)
+    def room(self, rise: int, now_s: float) -> Room | None:
+        """What the beam that looks up (`rise` 1) or down (-1) measured last, from the centre.
+
+        None when no such beam measured lately: then nothing may be said about that direction.
+        """
+        rooms = []
+        for mount in self._config.beams.mounts:
+            reading = self._measured.get(mount.name)
+            if rise * mount.pitch_deg <= _UPWARDS_DEG or reading is None:
+                continue
+            if now_s - reading.stamp_s > self._config.beams.stale_after_s:
+                continue
+            free_m = reading.range_m - rise * mount.down_m
+            rooms.append(Room(free_m, reading.status is not RangeStatus.OUT_OF_RANGE))
+        return min(rooms, key=lambda room: room.free_m, default=None)
+
+    def begin_at_height(self, height_m: float) -> None:
+        """Off the ground, and at a height of flight: from now on what is seen is mapped."""
+        self._between_heights = False
+        self.maps.settle(height_m)
+
+    def leave_height(self) -> None:
+        """The vehicle climbs or descends: what is seen on the way belongs to no map."""
+        self._between_heights = True
+
+    def enter_height(self, height_m: float, point: Point, now_s: float) -> None:
+        """The vehicle has come to rest at `height_m` above the take-off point."""
+        self._between_heights = False
+        self.maps.enter(height_m, point, now_s)

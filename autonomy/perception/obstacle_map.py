@@ -150,6 +150,10 @@ class ObstacleMap:
         self._born[: self._count] = self._version
         self._hits = None
 
+    def follow(self, version: int) -> None:
+        """This map takes the place of another at `version`: its own goes on above that."""
+        self._version = max(self._version, version) + 1
+
     # ------------------------------------------------------------ forgetting
 
     def forget_within(self, point: Point, radius_m: float, keep_disc_m: float) -> None:
@@ -304,6 +308,14 @@ class ObstacleMap:
             SWEEP_BEARINGS,
         )
         return fraction
+
+    def ever_seen(self, points: FloatArray) -> npt.NDArray[np.bool_]:
+        """(n,) True where the cell of a point (n, 2) was seen free, however long ago."""
+        index = np.floor((points - np.array(self._origin())) / self._cell_m).astype(np.int64)
+        inside = np.all((index >= 0) & (index < self._seen.shape), axis=1)
+        seen = np.zeros(len(points), dtype=np.bool_)
+        seen[inside] = self._seen[index[inside, 0], index[inside, 1]] > -np.inf
+        return seen
 
     def seen_cells(self, now_s: float) -> FloatArray:
         """(n, 2) north, east of the centres of the cells seen free recently; for pictures."""

@@ -140,9 +140,10 @@ def plan_words(replan: Replan) -> str:
     legs = ", ".join(dict.fromkeys(leg.kind.value for leg in result.legs))
     others = len(result.rejected)
     rejected = f"; longer or blocked: {others} other" if others else ""
+    height = "" if result.height_m is None else f", {result.height_m:.2f} m high"
     return (
         f"{seen}; {legs}, {result.length_m:.2f} m at {result.keep_out_m:.3f} m from every hit"
-        f"{rejected}"
+        f"{height}{rejected}"
     )
 
 

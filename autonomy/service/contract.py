@@ -181,6 +181,8 @@ class PlanView(msgspec.Struct, frozen=True, tag="plan"):
     rejected: tuple[tuple[Point, ...], ...]
     obstacles: tuple[ObstacleView, ...]
     evidence: tuple[Point, ...] = ()
+    height_m: float | None = None
+    """Above the take-off point: the height that the legs are flown at."""
 
 
 class Track(msgspec.Struct, frozen=True, tag="track"):

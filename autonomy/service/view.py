@@ -106,6 +106,7 @@ def plan(drawn: Drawn) -> PlanView | None:
         legs=tuple(LegView(leg.kind.value, _moved(leg.points, offset)) for leg in found.legs),
         rejected=tuple(_moved(line, offset) for line in found.rejected),
         obstacles=obstacles,
+        height_m=found.height_m,
     )
 
 

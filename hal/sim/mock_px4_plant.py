@@ -132,8 +132,8 @@ def truth_record(plant: Plant) -> TruthRecord:
     """The true state of `plant` as a line of the truth file."""
     truth, autopilot = plant.truth(), plant.autopilot
     world = plant.world.at(truth.stamp_s)
-    clearance_m = world.clearance_m(truth.position_ned_m)
     body = plant.scenario.vehicle
+    clearance_m = world.clearance_m(truth.position_ned_m, body.body_half_height_m)
     return TruthRecord(
         t=round(truth.stamp_s, 6),
         position_ned_m=truth.position_ned_m,

@@ -101,11 +101,12 @@ class World:
         distances_m: list[float] = bundles.distances.tolist()
         return distances_m
 
-    def clearance_m(self, position_ned_m: Vector3) -> float:
+    def clearance_m(self, position_ned_m: Vector3, body_half_height_m: float = 0.0) -> float:
         """Horizontal distance from a point to the nearest surface of the obstacles that are there
-        at its height: negative inside one, inf when there is none.
+        at its height, or within `body_half_height_m` of it: negative inside one, inf when there
+        is none.
         """
-        return kernels.clearance(self._rows, *position_ned_m, 0.0)
+        return kernels.clearance(self._rows, *position_ned_m, body_half_height_m)
 
     def collides(
         self,
