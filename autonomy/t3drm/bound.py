@@ -11,8 +11,9 @@ checked on every flight is the sharper
 
     L <= sum over stretches [ d(start, goal) + sum_i p_i ]                        (m_i = 1)
 
-where a stretch is a part of the flight with one goal on a map that only grew: a new one begins at
-every goal, and at every plan found after there was none (what was known was forgotten then).
+where a stretch is a part of the flight with one goal, at one height, on a map that only grew: a new
+one begins at every goal, at every change of height (other obstacles), and at every plan found after
+there was none (what was known was forgotten then).
 
 Why it holds. T3DRM flies the shortest path c_k through what is known at replan k and takes the
 unknown for free. Along a path its length is used up one for one, so that a stretch has
@@ -82,7 +83,7 @@ class BoundTally:
         if isinstance(result, NoPlan):
             self._open = False
             return
-        if not self._open or distance(result.points[-1], self._goal()) > SAME_GOAL_M:
+        if not self._open or not self._stretches[-1].goes_on_with(result):
             self._stretches.append(_Stretch(distance_to_go_m))
             self._open = True
         self._stretches[-1].add(result)
@@ -97,27 +98,26 @@ class BoundTally:
         bound_m = TRACKING * (straight_m + perimeter_m) + SETTLING_M
         return PathBound(bound_m, straight_m, perimeter_m, len(self._stretches))
 
-    def _goal(self) -> Point:
-        return self._stretches[-1].goal
-
 
 class _Stretch:
-    """The plans to one goal on one growing map."""
+    """The plans to one goal at one height on one growing map."""
 
     def __init__(self, straight_m: float) -> None:
         self.straight_m = straight_m
         self._paths: list[tuple[Point, ...]] = []
         self._hits: Floats = np.empty((0, 2))
         self._rounded: list[Point] = []
+        self._height_m: float | None = None
 
-    @property
-    def goal(self) -> Point:
-        """Where the newest plan ends."""
-        return self._paths[-1][-1]
+    def goes_on_with(self, plan: Plan) -> bool:
+        """True when the plan has the goal and the height of those before."""
+        same_goal = distance(plan.points[-1], self._paths[-1][-1]) <= SAME_GOAL_M
+        return same_goal and plan.height_m == self._height_m
 
     def add(self, plan: Plan) -> None:
         """One more plan; its hits are those before and more."""
         self._paths.append(plan.points)
+        self._height_m = plan.height_m
         self._hits = hits_of(plan)
         path = np.array(plan.points)
         for obstacle in plan.obstacles:

@@ -62,7 +62,8 @@ class SideChanges:
         self._plan = None if isinstance(result, NoPlan) else result
         if before is None or isinstance(result, NoPlan):
             return
-        if distance(before.points[-1], result.points[-1]) > SAME_GOAL_M:
+        elsewhere = before.height_m != result.height_m  # other obstacles there
+        if elsewhere or distance(before.points[-1], result.points[-1]) > SAME_GOAL_M:
             return
         course = (point, *_rest(before.points, point))
         passed = switched(course, result.points, hits_of(before))

@@ -133,9 +133,9 @@ def test_a_flight_begins_at_the_goals_height_when_it_is_near_enough() -> None:
 
 def test_the_first_climb_to_the_goals_height_is_made_in_place() -> None:
     lift = begun(height_m=0.4)
-    assert lift.heights.changing
-    assert not lift.heights.at_goals_height
+    begun_as = (lift.heights.changing, lift.heights.at_goals_height)
     lift.change()
+    assert begun_as == (True, False)
     assert lift.heights.at_goals_height
     assert lift.height_m == pytest.approx(1.0, abs=2.0 * SETTLED_M)
 

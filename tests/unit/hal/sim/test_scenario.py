@@ -19,7 +19,9 @@ README = Path(__file__).parents[4] / "configs" / "scenarios" / "README.md"
 SHIPPED = shipped_scenarios()
 # 0.15 m of body, 0.05 m of margin, 0.03 m for the noise of sensors and estimate.
 PASSABLE_M = 0.23
-CELL_M = 0.05
+CELL_M = 0.1
+LAYER_M = 0.1
+ROOM_UP_DOWN_M = 0.16
 
 
 def scenario(**keys: Any) -> Scenario:
@@ -27,21 +29,29 @@ def scenario(**keys: Any) -> Scenario:
 
 
 def reaches_goal(world: World, shipped: Scenario) -> bool:
-    """Flood fill from the take-off point over cells that have the clearance to pass."""
+    """Flood fill from the take-off point at 1 m over places that have the room to pass.
 
-    def passable(cell: tuple[int, int]) -> bool:
-        n, e = cell[0] * CELL_M, cell[1] * CELL_M
+    Sideways PASSABLE_M; up and down the body, and as much again, which is what storeys 0.22 m apart
+    can find at any phase. Heights change in place.
+    """
+
+    def passable(place: tuple[int, int, int]) -> bool:
+        n, e, height_m = place[0] * CELL_M, place[1] * CELL_M, place[2] * LAYER_M
         fenced = shipped.fence.inside_distance_m(n, e) > 0.0
-        return fenced and world.clearance_m((n, e, -1.0)) > PASSABLE_M
+        return fenced and not world.collides((n, e, -height_m), PASSABLE_M, ROOM_UP_DOWN_M)
 
-    goal = (round(shipped.goal_ne_m[0] / CELL_M), round(shipped.goal_ne_m[1] / CELL_M))
-    seen, queue = {(0, 0)}, deque([(0, 0)])
-    while queue:
-        n, e = queue.popleft()
-        for cell in ((n + 1, e), (n - 1, e), (n, e + 1), (n, e - 1)):
-            if cell not in seen and passable(cell):
-                seen.add(cell)
-                queue.append(cell)
+    north, east = shipped.goal_ne_m
+    goal = (round(north / CELL_M), round(east / CELL_M), round(1.0 / LAYER_M))
+    first = (0, 0, goal[2])
+    seen, queue = {first}, deque([first])
+    while queue and goal not in seen:
+        n, e, h = queue.popleft()
+        beside = ((n + 1, e, h), (n - 1, e, h), (n, e + 1, h), (n, e - 1, h))
+        above_and_below = [(n, e, k) for k in (h - 1, h + 1) if 0.3 <= k * LAYER_M <= 2.0]
+        for place in (*beside, *above_and_below):
+            if place not in seen and passable(place):
+                seen.add(place)
+                queue.append(place)
     return goal in seen
 
 
@@ -150,7 +160,7 @@ def test_a_wall_is_a_rectangle_about_its_middle_line() -> None:
 
 
 def test_an_unknown_name_is_answered_with_the_names_that_exist() -> None:
-    with pytest.raises(DocumentError, match=r"no scenario 'labyrinth': use one of default, door,"):
+    with pytest.raises(DocumentError, match=r"no scenario 'labyrinth': use one of curtain, default,"):
         load_scenario("labyrinth")
 
 
