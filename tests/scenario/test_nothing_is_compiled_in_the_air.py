@@ -33,7 +33,7 @@ for row in sorted(compiled() - before):
 """
 
 
-@pytest.mark.parametrize("scenario", ["default", "u_trap", "sealed"])
+@pytest.mark.parametrize("scenario", ["default", "u_trap", "sealed", "low_wall"])
 def test_a_flight_compiles_nothing(scenario: str) -> None:
     flight = subprocess.run(
         [sys.executable, "-c", FLIGHT, scenario],
