@@ -53,6 +53,7 @@ class SimulatedFlight:
     timing: TimingRecord | None
     path_bound: PathBound
     side_changes: int
+    height_changes: int
     track: list[Point] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
 
@@ -167,6 +168,8 @@ class _Book:
         self._config = config
         self._bound = BoundTally()
         self._sides = SideChanges()
+        self._height_m: float | None = None
+        self._height_changes = 0
         self._airborne_from_s: float | None = None
         self._navigating: list[float] = []
         self._clearance_m = float("inf")
@@ -188,6 +191,9 @@ class _Book:
         if decision.plan is not None and decision.fused is not None:
             self._bound.planned(decision.distance_to_go_m, decision.plan)
             self._sides.planned(decision.fused.point, decision.plan)
+        if decision.height_m not in (None, self._height_m):
+            self._height_changes += self._height_m is not None
+            self._height_m = decision.height_m
         if -truth.position_ned_m[2] < 0.1:
             return
         if self._airborne_from_s is None:
@@ -234,6 +240,7 @@ class _Book:
             timing=self._planning.record(),
             path_bound=self._bound.bound(comfortable_m, self._config.guard.fence),
             side_changes=self._sides.count,
+            height_changes=self._height_changes,
             track=self.track,
             commands=self.commands,
         )

@@ -15,7 +15,7 @@ from autonomy.mission.sensing import Room, Sensing
 from autonomy.mission.tick import Tick
 from autonomy.model import NoPlan, Plan
 from autonomy.perception.storey_maps import FloatArray
-from autonomy.t3drm.over_under import SAME_M, Price, Question, Search, Storey, Storeys, Way
+from autonomy.t3drm.over_under import SAME_M, Price, Question, Search, Storeys, Way
 from autonomy.t3drm.planner import Failure, Planner
 
 NEAR_HEIGHT_M = 0.15
@@ -56,13 +56,15 @@ class Heights:
 
     def begin(self, height_m: float, goal_m: float) -> None:
         """In the air at `height_m`, on the way to a goal at `goal_m`; nothing is known yet."""
+        self._sensing.maps.settle(self.present_m)
         if not self.aim(height_m, goal_m):
-            self._sensing.begin_at_height(goal_m)
+            self._sensing.begin_at_height(self.present_m)
         self.changes = 0
 
     def aim(self, height_m: float, goal_m: float) -> bool:
         """The next goal is at `goal_m`; True when the height has to be changed for it."""
         self._storeys = self._storeys_about(goal_m)
+        goal_m = self._storeys.goal_m
         self._search = None
         self._wanted_m = None
         if abs(height_m - goal_m) > NEAR_HEIGHT_M:
@@ -190,7 +192,7 @@ class Heights:
 
     def hits(self) -> FloatArray:
         """(n, 2) what a path at the present height has to keep clear of."""
-        return self._storey(self.present_m).hits
+        return self._hits_at(self.present_m)
 
     def ask(
         self, tick: Tick, here: Plan | NoPlan, goal: Point, tolerance_m: float
@@ -209,14 +211,12 @@ class Heights:
             gain_m=self._config.planner.storeys.gain_m,
             looked_at_m=_known_here(self._looked, tick.fused.point),
         )
-        search = Search(self._planner, question, here, thorough=not self._guesses)
+        search = Search(self._planner, question, here, self._hits_at, thorough=not self._guesses)
         if self._is_worth_it(here) and not search.would_stay and self._may_leave(tick, goal):
             search.look_at(
-                tuple(
-                    self._storey(height_m)
-                    for height_m in self._storeys.heights_m()
-                    if abs(height_m - self.present_m) > SAME_M and self.may_change(tick, height_m)
-                )
+                height_m
+                for height_m in self._storeys.heights_m()
+                if abs(height_m - self.present_m) > SAME_M and self.may_change(tick, height_m)
             )
         self._search = search
         return search.here
@@ -285,18 +285,19 @@ class Heights:
         left = self.changes < self._config.planner.storeys.changes_max
         return left and away_m > self._config.mission.goal_tolerance_m
 
-    def _storey(self, height_m: float) -> Storey:
+    def _hits_at(self, height_m: float) -> FloatArray:
         spacing_m = self._config.planner.storeys.spacing_m
         if self._config.planner.storeys.use == "never":
             spacing_m = 0.0
         maps = self._sensing.maps
         look = maps.guessed if self._guesses and spacing_m > 0.0 else maps.hits_cutting
-        return Storey(height_m, look(height_m, spacing_m))
+        return look(height_m, spacing_m)
 
     def _storeys_about(self, goal_m: float) -> Storeys:
         guard = self._config.guard
         spacing_m = self._config.planner.storeys.spacing_m
-        return Storeys(goal_m, spacing_m, guard.altitude_min_m, guard.altitude_max_m)
+        # Rounded like all storeys: heights are compared.
+        return Storeys(round(goal_m, 6), spacing_m, guard.altitude_min_m, guard.altitude_max_m)
 
 
 def _known_here(places: Iterable[tuple[float, Point]], point: Point) -> tuple[float, ...]:

@@ -13,7 +13,7 @@ Unknown space counts as free here as in the plane; never for moving.
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterable
 
 import msgspec
 
@@ -93,13 +93,6 @@ class Price(msgspec.Struct, frozen=True):
         return self.climb_m * (there + back) + self.change_m * changes
 
 
-class Storey(msgspec.Struct, frozen=True):
-    """One height with the hits (n, 2) whose keep-outs in space cut its plane."""
-
-    height_m: float
-    hits: Floats
-
-
 class Way(msgspec.Struct, frozen=True):
     """A planar plan at one height; `cost_m` is its length and the price of the climbs."""
 
@@ -132,15 +125,24 @@ class Search:
     """
 
     def __init__(
-        self, planner: Planner, question: Question, here: Plan | NoPlan, *, thorough: bool = False
+        self,
+        planner: Planner,
+        question: Question,
+        here: Plan | NoPlan,
+        hits_at: Callable[[float], Floats],
+        *,
+        thorough: bool = False,
     ) -> None:
-        """`here` is what was planned at the present storey."""
+        """`here` is what was planned at the present storey; `hits_at` gives for a height the hits
+        (n, 2) whose keep-outs in space cut its plane, asked for when its turn comes.
+        """
         self._planner = planner
+        self._hits_at = hits_at
         self._question = question
         self._thorough = thorough
         self._ways: list[Way] = []
         self._failures: list[tuple[float, NoPlan]] = []
-        self._waiting: list[Storey] = []
+        self._waiting: list[float] = []
         self.here = self._noted(question.present_m, here)
         """What the present storey offers; a plan knows its height."""
 
@@ -153,27 +155,27 @@ class Search:
         least_m = self._straight_m() + question.price.climb_m * climb_m + question.price.change_m
         return not self._thorough and self._to_beat_m() <= least_m
 
-    def look_at(self, others: Sequence[Storey]) -> None:
+    def look_at(self, heights_m: Iterable[float]) -> None:
         """The storeys to compare with; of two that cost the same at least, the upper one first:
         more stands on floors than hangs from ceilings.
         """
-        self._waiting = sorted(others, key=lambda s: (self._least_m(s.height_m), -s.height_m))
+        self._waiting = sorted(heights_m, key=lambda height_m: (self._least_m(height_m), -height_m))
 
     @property
     def decided(self) -> bool:
         """True when no storey that is left can win."""
         if not self._waiting:
             return True
-        return not self._thorough and self._to_beat_m() <= self._least_m(self._waiting[0].height_m)
+        return not self._thorough and self._to_beat_m() <= self._least_m(self._waiting[0])
 
     def step(self) -> None:
         """Plan at one more storey; nothing when it is decided."""
         if not self.decided:
-            storey, question = self._waiting.pop(0), self._question
+            height_m, question = self._waiting.pop(0), self._question
             found = self._planner.plan(
-                question.start, question.goal, storey.hits, question.tolerance_m
+                question.start, question.goal, self._hits_at(height_m), question.tolerance_m
             )
-            self._noted(storey.height_m, found)
+            self._noted(height_m, found)
 
     def result(self) -> Way | NoPlan:
         """The best way so far, or why there is none; the answer once `decided`."""

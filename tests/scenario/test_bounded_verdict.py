@@ -15,6 +15,8 @@ FLOOR_M = Config().body.radius_m + Config().planner.hard_clearance_m
 SENSING_M = 0.03
 """What range and position noise may take from each side of a gap (2 cm drift, 5 mm + 1 %)."""
 SAMPLING_M = 0.002
+CLIMB_S = 4.0
+"""To change height by one storey, come to rest there, and plan at all of them."""
 
 CASES = [
     *((number, False, mode) for number in range(ROOMS) for mode in ("stop", "rolling")),
@@ -37,7 +39,7 @@ def budget_s(flight: SimulatedFlight, config: Config) -> float:
     """As long as a mission may take that flew no farther than the bound allows.
 
     The way at the least speed; a look round at every stop and every rung of the ladder, after as
-    long as it takes to notice being stuck; and climbing, arming and landing.
+    long as it takes to notice being stuck; changes of height; and climbing, arming and landing.
     """
     replan, guidance = config.mission.replan, config.guidance
     look_s = 100.0 / guidance.yaw_rate_deg_s + 2.0
@@ -45,6 +47,7 @@ def budget_s(flight: SimulatedFlight, config: Config) -> float:
         flight.path_bound.bound_m / guidance.speed_min_m_s
         + flight.stops * look_s
         + replan.attempts * (look_s + replan.hover_s + 6.0)
+        + flight.height_changes * (look_s + CLIMB_S)
         + 30.0
     )
 
@@ -57,7 +60,9 @@ def test_a_mission_in_any_small_room_ends_untouched_in_goal_or_verdict_within_it
     assert flight.outcome.ending in (Ending.GOAL_REACHED, Ending.UNREACHABLE), flight.outcome.why
     assert not flight.collided
     assert flight.path_bound.holds(flight.path_length_m), flight.path_bound
-    assert flight.path_bound.stretches <= config.mission.replan.attempts
+    again = config.mission.replan.attempts + flight.height_changes
+    assert flight.path_bound.stretches <= again
+    assert flight.height_changes <= 2 * config.planner.storeys.changes_max
     # A stop is a new hit in the way: nobody stops oftener than every few centimetres.
     assert flight.stops <= flight.path_length_m / 0.1 + config.mission.replan.attempts
     assert flight.simulated_s <= budget_s(flight, config)
