@@ -9,6 +9,8 @@ import math
 from collections import deque
 from collections.abc import Iterable
 
+import msgspec
+
 from autonomy.config import Config
 from autonomy.geometry import Point, distance
 from autonomy.mission.sensing import Room, Sensing
@@ -28,6 +30,12 @@ HERE_M = 0.3
 """What was found out about a height holds this far round the place."""
 PLACES_KEPT = 64
 SHAFT_MARGIN_M = 0.02
+ROOM_M, ROOM_IN_FENCE_M = 0.3, 0.1
+"""A height is changed, and a look taken there for seconds, only this far from every hit and from
+the fence: between the two, an error of the position of 10 cm has nowhere to go."""
+OPEN_M, OPEN_IN_FENCE_M = 0.4, 0.2
+"""So much room has a place that is worth flying back to for it."""
+RETREATS_MAX = 8
 
 
 class Heights:
@@ -51,6 +59,14 @@ class Heights:
         self._looked: deque[tuple[float, Point]] = deque(maxlen=PLACES_KEPT)
         self._search: Search | None = None
         self._guesses = True
+        self._open_at: Point | None = None
+        self._retreats = 0
+        # What is flown only to prove that there is no way needs no narrow passages.
+        wide_m = config.planner.storeys.proof_clearance_m
+        wide = {"comfortable_clearance_m": wide_m, "hard_clearance_m": wide_m, "levels": 1}
+        self._wide_planner = Planner(
+            config.planner.model_copy(update=wide), config.body.radius_m, config.guard.fence
+        )
 
     # ------------------------------------------------------------ which goal
 
@@ -162,6 +178,7 @@ class Heights:
         return self._settle(tick, round(-tick.fused.position_ned_m[2], 2))
 
     def _settle(self, tick: Tick, height_m: float) -> bool:
+        self._open_at = tick.fused.point
         self._wanted_m = None
         self.present_m = self.commanded_m = height_m
         self._sensing.enter_height(height_m, tick.fused.point, tick.now_s)
@@ -211,7 +228,8 @@ class Heights:
             gain_m=self._config.planner.storeys.gain_m,
             looked_at_m=_known_here(self._looked, tick.fused.point),
         )
-        search = Search(self._planner, question, here, self._hits_at, thorough=not self._guesses)
+        planner = self._planner if self._guesses else self._wide_planner
+        search = Search(planner, question, here, self._hits_at, thorough=not self._guesses)
         if self._is_worth_it(here) and not search.would_stay and self._may_leave(tick, goal):
             search.look_at(
                 height_m
@@ -279,11 +297,40 @@ class Heights:
             return use != "never" and here.reason == Failure.CLOSED
         return use == "cheapest" or (use == "closed" and not self.at_goals_height)
 
+    def prove(self, tick: Tick, goal: Point, tolerance_m: float) -> Plan | NoPlan:
+        """A plan at the present height for a flight that shows whether it is closed."""
+        return self._wide_planner.plan(tick.fused.point, goal, self.hits(), tolerance_m)
+
+    def note_place(self, point: Point) -> None:
+        """On the way: remember where there was room to change height."""
+        if self._has_room(point, OPEN_M, OPEN_IN_FENCE_M):
+            self._open_at = point
+
+    def retreat(self, tick: Tick, here: Plan | NoPlan) -> Plan | None:
+        """The way back to room for a change of height, where one is wanted and there is none."""
+        point, place = tick.fused.point, self._open_at
+        narrow = not self._has_room(point, ROOM_M, ROOM_IN_FENCE_M)
+        if not narrow or place is None or not self._is_worth_it(here):
+            return None
+        if isinstance(here, Plan) or self._retreats >= RETREATS_MAX:
+            return None
+        back = self._planner.plan(point, place, self._sensing.map.hits(), SETTLED_M)
+        if isinstance(back, NoPlan):
+            return None
+        self._retreats += 1
+        return msgspec.structs.replace(back, height_m=self.present_m)
+
+    def _has_room(self, point: Point, clearance_m: float, in_fence_m: float) -> bool:
+        near_m = self._sensing.map.clearance_m((*point, 0.0), clearance_m)
+        inside_m = self._config.guard.fence.inside_distance_m(*point)
+        return near_m >= clearance_m and inside_m >= in_fence_m
+
     def _may_leave(self, tick: Tick, goal: Point) -> bool:
-        """At the goal, or after too many changes, another height cannot help."""
-        away_m = distance(tick.fused.point, goal)
+        """At the goal, in a narrow place or after too many changes another height cannot help."""
+        point = tick.fused.point
         left = self.changes < self._config.planner.storeys.changes_max
-        return left and away_m > self._config.mission.goal_tolerance_m
+        away = distance(point, goal) > self._config.mission.goal_tolerance_m
+        return left and away and self._has_room(point, ROOM_M, ROOM_IN_FENCE_M)
 
     def _hits_at(self, height_m: float) -> FloatArray:
         spacing_m = self._config.planner.storeys.spacing_m

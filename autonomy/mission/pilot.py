@@ -74,6 +74,7 @@ _PATH_SLACK_M = 0.015
 _STUCK_AFTER_S = 6.0
 _STUCK_WITHIN_M = 0.05
 _DISC_UNDER_VEHICLE_M = 0.14
+_BACK_WITHIN_M = 0.1
 _CLEARANCE_LIMIT_M = 1.0
 _GOAL_MAY_MOVE = 0.6
 """By this much of the tolerance the planner may move a goal that a noisy hit has come too near."""
@@ -121,6 +122,7 @@ class Pilot:
         self._held_from = MissionState.PREFLIGHT
         self._ladder = Ladder(config.mission.replan.attempts)
         self._look_for_s = 0.0
+        self._retreat_to: Point | None = None
         self._moved_from: tuple[float, Point] | None = None
         self.stops = 0
         self.replans = 0
@@ -199,6 +201,8 @@ class Pilot:
         """
         if self._arrived(tick.fused):
             return self._next_goal(tick)
+        if self._is_back(tick.fused):
+            return Move(MissionState.STOP, "room to change height")
         move = self._on_other_heights(tick)
         if move is not None:
             return move
@@ -259,22 +263,28 @@ class Pilot:
         self.replans += 1
         tolerance_m = _GOAL_MAY_MOVE * self._config.mission.goal_tolerance_m
         goal = (self.goal[0], self.goal[1])
-        here = self._commitment.plan(
-            tick.fused.point,
-            goal,
-            np.array(self._heights.hits()),
-            tolerance_m,
-            self._path.remaining(),
-        )
-        here = self._heights.ask(tick, here, goal, tolerance_m)
+        here = self._heights.ask(tick, self._plan_here(tick, goal, tolerance_m), goal, tolerance_m)
+        self._retreat_to = None
         if isinstance(here, Plan):
             return self._take(tick, here)
+        back = self._heights.retreat(tick, here)
+        if back is not None:
+            self._retreat_to = back.points[-1]
+            tick.say("height", f"{here.reason}; back to where there is room to change height")
+            return self._take(tick, back)
         if not self._heights.searching:
             return None if self._heights.stop_guessing() else self._decided(tick, here)
         if self._state is MissionState.REPLAN:
             return None
         height = f"{self._heights.present_m:.2f} m"
         return Move(MissionState.STOP, f"{here.reason} at {height}; looking at other heights")
+
+    def _plan_here(self, tick: Tick, goal: Point, tolerance_m: float) -> Plan | NoPlan:
+        """What the present height offers."""
+        if self._heights.proving:
+            return self._heights.prove(tick, goal, tolerance_m)
+        hits, course = np.array(self._heights.hits()), self._path.remaining()
+        return self._commitment.plan(tick.fused.point, goal, hits, tolerance_m, course)
 
     def _decided(self, tick: Tick, found: Way | NoPlan | None) -> Move | None:
         """What the search came to; None while it goes on."""
@@ -373,6 +383,12 @@ class Pilot:
             and self._is_over_or_under_goal(fused)
             and abs(fused.position_ned_m[2] - self.goal[2]) <= 2.0 * tolerance_m
         )
+
+    def _is_back(self, fused: FusedState) -> bool:
+        """True where there is room again, after a retreat from a narrow place."""
+        self._heights.note_place(fused.point)
+        place = self._retreat_to
+        return place is not None and distance(fused.point, place) <= _BACK_WITHIN_M
 
     def _is_over_or_under_goal(self, fused: FusedState) -> bool:
         """Within the tolerance of the goal, horizontally."""
