@@ -35,7 +35,9 @@ ROOM_M, ROOM_IN_FENCE_M = 0.3, 0.1
 the fence: between the two, an error of the position of 10 cm has nowhere to go."""
 OPEN_M, OPEN_IN_FENCE_M = 0.4, 0.2
 """So much room has a place that is worth flying back to for it."""
-RETREATS_MAX = 8
+RETREATS_MAX = 4
+SEARCH_SHARE = 0.6
+"""Of the mission's time limit: later no other height is looked at, so that a verdict comes in time."""
 
 
 class Heights:
@@ -59,6 +61,7 @@ class Heights:
         self._looked: deque[tuple[float, Point]] = deque(maxlen=PLACES_KEPT)
         self._search: Search | None = None
         self._guesses = True
+        self._search_until_s = math.inf
         self._open_at: Point | None = None
         self._retreats = 0
         # What is flown only to prove that there is no way needs no narrow passages.
@@ -70,8 +73,9 @@ class Heights:
 
     # ------------------------------------------------------------ which goal
 
-    def begin(self, height_m: float, goal_m: float) -> None:
+    def begin(self, now_s: float, height_m: float, goal_m: float) -> None:
         """In the air at `height_m`, on the way to a goal at `goal_m`; nothing is known yet."""
+        self._search_until_s = now_s + SEARCH_SHARE * self._config.mission.time_limit_s
         self._sensing.maps.settle(self.present_m)
         if not self.aim(height_m, goal_m):
             self._sensing.begin_at_height(self.present_m)
@@ -312,7 +316,8 @@ class Heights:
         narrow = not self._has_room(point, ROOM_M, ROOM_IN_FENCE_M)
         if not narrow or place is None or not self._is_worth_it(here):
             return None
-        if isinstance(here, Plan) or self._retreats >= RETREATS_MAX:
+        late = tick.now_s > self._search_until_s
+        if isinstance(here, Plan) or late or self._retreats >= RETREATS_MAX:
             return None
         back = self._planner.plan(point, place, self._sensing.map.hits(), SETTLED_M)
         if isinstance(back, NoPlan):
@@ -326,9 +331,12 @@ class Heights:
         return near_m >= clearance_m and inside_m >= in_fence_m
 
     def _may_leave(self, tick: Tick, goal: Point) -> bool:
-        """At the goal, in a narrow place or after too many changes another height cannot help."""
+        """At the goal another height cannot help; in a narrow place, late, or after too many
+        changes it must not be tried.
+        """
         point = tick.fused.point
         left = self.changes < self._config.planner.storeys.changes_max
+        left = left and tick.now_s <= self._search_until_s
         away = distance(point, goal) > self._config.mission.goal_tolerance_m
         return left and away and self._has_room(point, ROOM_M, ROOM_IN_FENCE_M)
 

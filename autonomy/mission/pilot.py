@@ -640,7 +640,8 @@ class Pilot:
                 self._armed_s = tick.now_s
             case MissionState.OFFBOARD:
                 self._hold_at = None
-                self._heights.begin(-tick.fused.position_ned_m[2], -self.goal[2])
+                height_m = -tick.fused.position_ned_m[2]
+                self._heights.begin(tick.now_s, height_m, -self.goal[2])
                 self._sensing.map.mark_seen_disc(tick.fused.point, self._config.map.start_disc_m)
             case MissionState.STOP | MissionState.DETECT | MissionState.HOLD:
                 self._scan.restart()

@@ -9,10 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from autonomy.config import Config
-from autonomy.mission.heights import BLIND_S, NEAR_HEIGHT_M, SETTLED_M, Heights
+from autonomy.mission.heights import (
+    BLIND_S,
+    NEAR_HEIGHT_M,
+    RETREATS_MAX,
+    SEARCH_SHARE,
+    SETTLED_M,
+    Heights,
+)
 from autonomy.mission.sensing import Sensing
 from autonomy.mission.tick import Tick
 from autonomy.model import Inputs, NoPlan, Plan
+from autonomy.perception.projection import Ray, RayKind
 from autonomy.t3drm.planner import Planner
 from hal.readings import (
     Attitude,
@@ -120,7 +128,7 @@ class Lift:
 
 def begun(**keys: object) -> Lift:
     lift = Lift(**keys)  # type: ignore[arg-type]  # the keys of Lift
-    lift.heights.begin(lift.height_m, 1.0)
+    lift.heights.begin(lift.now_s, lift.height_m, 1.0)
     return lift
 
 
@@ -289,6 +297,56 @@ def test_at_the_goal_or_after_too_many_changes_no_other_height_is_looked_at() ->
     lift.heights.changes = CONFIG.planner.storeys.changes_max
     lift.heights.ask(lift.step(), told, GOAL, 0.09)
     assert not lift.heights.searching
+
+
+def beside_a_wall(lift: Lift) -> None:
+    """A hit 0.25 m east of where the vehicle is."""
+    ray = Ray(lift.now_s, 0, RayKind.HIT, (0.0, 0.0, 0.0), 0.5 * math.pi, 0.0, 0.25, (0.0, 0.0))
+    lift.sensing.map.update(lift.now_s, (ray,))
+
+
+def test_in_a_narrow_place_no_height_is_looked_at_but_the_way_back_to_room() -> None:
+    lift = begun()
+    told = closed_here(lift)
+    lift.heights.note_place((-0.8, 0.0))
+    assert lift.heights.retreat(lift.step(), told) is None  # there is room here
+    beside_a_wall(lift)
+    lift.heights.note_place((0.0, 0.1))  # none here
+    lift.heights.ask(lift.step(), told, GOAL, 0.09)
+    assert not lift.heights.searching
+    back = lift.heights.retreat(lift.step(), told)
+    assert back is not None
+    assert back.points[-1] == (-0.8, 0.0)
+    assert back.height_m == 1.0
+    assert lift.heights.retreat(lift.step(), open_here()) is None
+
+
+def test_a_place_at_the_fence_is_a_narrow_one() -> None:
+    lift = begun()
+    lift.heights.note_place((-9.9, 0.0))
+    beside_a_wall(lift)
+    assert lift.heights.retreat(lift.step(), closed_here(lift)) is None
+
+
+def test_late_in_a_mission_no_other_height_is_looked_at() -> None:
+    lift = begun()
+    told = closed_here(lift)
+    lift.heights.note_place((-0.8, 0.0))
+    lift.now_s += SEARCH_SHARE * CONFIG.mission.time_limit_s
+    lift.step()
+    lift.heights.ask(lift.step(), told, GOAL, 0.09)
+    assert not lift.heights.searching
+    beside_a_wall(lift)
+    assert lift.heights.retreat(lift.step(), told) is None
+
+
+def test_retreats_are_counted() -> None:
+    lift = begun()
+    lift.heights.note_place((-0.8, 0.0))
+    beside_a_wall(lift)
+    told = closed_here(lift)
+    backs = [lift.heights.retreat(lift.step(), told) for _ in range(RETREATS_MAX + 1)]
+    assert [back is not None for back in backs] == [True] * RETREATS_MAX + [False]
 
 
 def test_an_open_way_at_the_goals_height_ends_the_search_unless_cheapest_is_wanted() -> None:
