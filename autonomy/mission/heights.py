@@ -37,7 +37,7 @@ OPEN_M, OPEN_IN_FENCE_M = 0.4, 0.2
 """So much room has a place that is worth flying back to for it."""
 RETREATS_MAX = 4
 SEARCH_SHARE = 0.6
-"""Of the mission's time limit: later no other height is looked at, so that a verdict comes in time."""
+"""Of the mission's time limit: later no other height is looked at; a verdict comes in time."""
 
 
 class Heights:
