@@ -35,8 +35,7 @@ def run(config: Config, asked: Asked) -> ExitCode:
         found = _looked(config, asked)
     bad = sum(finding.bad for finding in found)
     if asked.as_json:
-        fixes = [finding.fix for finding in found if finding.fix is not None]
-        document = {"ready": bad == 0, "findings": found, "fixes": fixes}
+        document = {"ready": bad == 0, "findings": found, "fixes": _fixes(found, done=False)}
         click.echo(msgspec.json.format(msgspec.json.encode(document)).decode())
     else:
         for finding in found:
@@ -53,14 +52,19 @@ def _looked(config: Config, asked: Asked) -> tuple[Finding, ...]:
     if not asked.fix:
         return (*found, *vehicle_check.check_vehicle(config, asked.connection))
     first = vehicle_check.mend_vehicle(config, asked.connection, lambda fixes: _agree(asked, fixes))
-    fixes = [finding.fix for finding in first if finding.fix is not None]
+    done = _fixes(first, done=True)
+    if done and not asked.as_json:
+        click.echo(f"to undo: {vehicle_check.undo(asked.connection, done)}")
     written = [finding for finding in first if finding.subject == "fix"]
-    if not fixes or not all(finding.good for finding in written):
+    if not done or not all(finding.good for finding in written):
         return (*found, *first)
-    if not asked.as_json:
-        click.echo(f"to undo: {vehicle_check.undo(asked.connection, fixes)}")
     # Looked at anew: what was set may have been what kept the vehicle down.
     return (*found, *written, *vehicle_check.check_vehicle(config, asked.connection))
+
+
+def _fixes(found: Sequence[Finding], *, done: bool) -> list[Fix]:
+    """The parameters that were set, or those that would have to be."""
+    return [f.fix for f in found if f.fix is not None and f.good is done]
 
 
 def _agree(asked: Asked, fixes: Sequence[Fix]) -> bool:
@@ -85,6 +89,6 @@ def _confirmed(question: str) -> bool:
 
 
 def _say_fixes(asked: Asked, found: Sequence[Finding]) -> None:
-    fixes = [finding.fix for finding in found if finding.fix is not None]
+    fixes = _fixes(found, done=False)
     if fixes and not asked.fix:
         click.echo(f"{len(fixes)} parameters can be set by this program: add --fix")

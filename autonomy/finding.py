@@ -17,7 +17,10 @@ class Fix(msgspec.Struct, frozen=True):
 
 
 class Finding(msgspec.Struct, frozen=True):
-    """One thing that was looked at. Not `good` and `grave`: do not fly; else it is advice."""
+    """One thing that was looked at. Not `good` and `grave`: do not fly; else it is advice.
+
+    `fix` is what would mend it; of a `good` one, what was set.
+    """
 
     good: bool
     sentence: str

@@ -76,7 +76,8 @@ def _position_gain(value: float, situation: Situation) -> float | None:
 def _fast_enough_and_slow(value: float, situation: Situation) -> float | None:
     """A pilot and PX4's own modes fly no faster than a room bears, nor slower than this service."""
     least = 2.0 * situation.config.guard.speed_max_m_s
-    return None if least - _EPSILON <= value <= 2.0 else max(1.0, least)
+    most = max(2.0, least)
+    return None if least - _EPSILON <= value <= most + _EPSILON else max(1.0, least)
 
 
 def _under_the_ceiling(value: float, situation: Situation) -> float | None:
@@ -113,8 +114,8 @@ ADVICE: tuple[Advice, ...] = (
         "COM_OBL_RC_ACT",
         int,
         _offboard_loss,
-        "what PX4 does when this program dies: 5 holds (needs a global position), 4 lands; 0, 1 "
-        "and 2 end in a return that climbs first, by 4 m as measured, 6 and 7 cut the motors",
+        "what PX4 does when this program dies: 5 holds (needs a global position), 4 lands; 0 to "
+        "3 end in a return that climbs first, by 4 m as measured, 6 and 7 cut the motors",
         "[measured], [failsafe.cpp]; one list of values since 1.14",
         grave=True,
     ),

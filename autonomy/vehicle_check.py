@@ -20,7 +20,7 @@ from autonomy.virtual_world import warning
 from hal import registry
 from hal.clock import MonotonicClock
 from hal.errors import HalError
-from hal.interfaces import Clock, RangeSensor, WireMessage
+from hal.interfaces import Clock, MessageSource, RangeSensor, WireMessage
 from hal.readings import (
     Attitude,
     FlightMode,
@@ -43,6 +43,9 @@ _STEADY_M, _STEADY_M_S = 0.10, 0.10
 """Standard deviations of a vehicle that stands still; measured: 4 cm and 3 cm/s with GNSS."""
 _HEALTH_COMES_S = 1.0
 _OLD_S = 0.5
+_LINK_OLD_S = 2.0
+"""Heartbeats come once a second: an older link may have missed that the vehicle was armed."""
+_AUTOPILOT_COMPONENT = 1
 
 Confirm = Callable[[Sequence[Fix]], bool]
 
@@ -63,24 +66,28 @@ class Look:
     texts: list[str] = field(default_factory=list)
 
 
-class _Listener:
-    """Keeps what the autopilot says of its health."""
+class Listener:
+    """Keeps what the autopilot says of its health; others on the link have none of its own."""
 
-    def __init__(self, vehicle: registry.LinkedVehicle) -> None:
+    def __init__(self, link: MessageSource) -> None:
         self.events: list[Event] = []
         self.sensors: SensorReport | None = None
         self._event = msgspec.json.Decoder(Event)
         self._report = msgspec.json.Decoder(SensorReport)
-        vehicle.listen("EVENT", self._take_event)
-        vehicle.listen("SYS_STATUS", self._take_report)
+        link.listen("EVENT", self._take_event)
+        link.listen("SYS_STATUS", self._take_report)
 
     def _take_event(self, message: WireMessage) -> None:
+        if message.component_id != _AUTOPILOT_COMPONENT:
+            return
         try:
             self.events.append(self._event.decode(message.fields_json))
         except msgspec.DecodeError:
             return  # of a form that this program does not know: it has no words for it
 
     def _take_report(self, message: WireMessage) -> None:
+        if message.component_id != _AUTOPILOT_COMPONENT:
+            return
         try:
             self.sensors = self._report.decode(message.fields_json)
         except msgspec.DecodeError:
@@ -113,7 +120,7 @@ def set_parameters(
 async def _check(config: Config, connection: str, confirm: Confirm | None) -> tuple[Finding, ...]:
     clock = MonotonicClock()
     vehicle = _vehicle(config, connection, clock)
-    listener = _Listener(vehicle)
+    listener = Listener(vehicle)
     try:
         facts = await vehicle.open(config.vehicle.connect_timeout_s)
         version = px4_advice.version_of(facts.version)
@@ -140,7 +147,7 @@ def _vehicle(config: Config, connection: str, clock: Clock) -> registry.LinkedVe
 
 
 async def _watched(
-    config: Config, vehicle: registry.LinkedVehicle, listener: _Listener, clock: Clock
+    config: Config, vehicle: registry.LinkedVehicle, listener: Listener, clock: Clock
 ) -> tuple[Look, list[Finding]]:
     """What was heard in `LOOK_S`, and what could not be opened."""
     look, trouble = Look(), []
@@ -188,7 +195,7 @@ async def _listen(
             look.attitudes.append(attitude)
 
 
-async def _health(look: Look, vehicle: registry.LinkedVehicle, listener: _Listener) -> None:
+async def _health(look: Look, vehicle: registry.LinkedVehicle, listener: Listener) -> None:
     """What stands against arming, told anew: what was told before this program came is unknown."""
     vehicle.take_texts()
     if not vehicle.status().armed:
@@ -363,7 +370,8 @@ async def mend(
 ) -> list[Finding]:
     """Set the parameters if `confirm` agrees; one finding each, read back.
 
-    A vehicle that is armed or flies is left as it is, also when it is armed meanwhile.
+    A vehicle that is armed or flies is left as it is, also when it is armed meanwhile or is not
+    heard any more.
     """
     if not fixes:
         return [ok("no parameter has to be set", "fix")]
@@ -379,18 +387,27 @@ def _in_use(status: VehicleStatus) -> Finding | None:
     if status.armed or status.landed not in (LandedState.ON_GROUND, LandedState.UNKNOWN):
         sentence = "parameters are set on the ground and disarmed only; nothing was set"
         return bad(sentence, "fix")
+    if status.link_age_s > _LINK_OLD_S:
+        sentence = (
+            f"the vehicle was last heard {status.link_age_s:.0f} s ago and may be armed by now; "
+            "nothing was set"
+        )
+        return bad(sentence, "fix")
     return None
 
 
 async def _write(vehicle: registry.LinkedVehicle, fix: Fix) -> Finding:
+    if fix.integer and not float(fix.new).is_integer():
+        return bad(f"{fix.name} was not set: it takes whole numbers, not {fix.new:g}", "fix")
     if _in_use(vehicle.status()) is not None:  # somebody may arm it meanwhile
-        return bad(f"{fix.name} was not set: the vehicle is armed or flies", "fix")
+        return bad(f"{fix.name} was not set: the vehicle is armed, flies, or is not heard", "fix")
     held = await vehicle.write_parameter(fix.name, fix.value(fix.new))
     if held is None or abs(held - fix.new) > 1e-4 * max(1.0, abs(fix.new)):
         got = "nothing" if held is None else f"{held:g}"
         sentence = f"{fix.name} was not set: asked for {fix.new:g}, the vehicle holds {got}"
         return bad(sentence, "fix")
-    return ok(f"{fix.name}: {fix.old:g} -> {fix.new:g}, read back", "fix")
+    sentence = f"{fix.name}: {fix.old:g} -> {fix.new:g}, read back"
+    return Finding(good=True, sentence=sentence, subject="fix", fix=fix)
 
 
 async def _set(

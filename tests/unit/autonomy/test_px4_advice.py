@@ -108,6 +108,20 @@ def test_what_is_recommended_is_good(name: str) -> None:
                 assert advice.want(wanted, situation) is None, (value, wanted)
 
 
+@pytest.mark.parametrize("speed_max_m_s", [0.25, 0.9, 1.5, 4.0])
+def test_the_fastest_that_others_may_fly_is_never_below_what_the_guard_needs(
+    speed_max_m_s: float,
+) -> None:
+    config = Config()
+    guard = config.guard.model_copy(update={"speed_max_m_s": speed_max_m_s})
+    situation = Situation(config.model_copy(update={"guard": guard}), True, True)
+    (advice,) = (advice for advice in ADVICE if advice.name == "MPC_XY_VEL_MAX")
+    wanted = advice.want(12.0, situation)
+    assert wanted is not None
+    assert wanted >= 2.0 * speed_max_m_s
+    assert advice.want(wanted, situation) is None
+
+
 def test_sticks_take_over_by_another_parameter_since_1_18() -> None:
     before = {f.subject for f in wrong(version=(1, 17), COM_RC_OVERRIDE=1.0, MAN_OVERRIDE_SPD=-1.0)}
     since = {f.subject for f in wrong(version=(1, 18), COM_RC_OVERRIDE=1.0, MAN_OVERRIDE_SPD=-1.0)}

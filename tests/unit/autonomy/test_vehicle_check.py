@@ -10,7 +10,7 @@ import pytest
 from autonomy.config import Config
 from autonomy.finding import Finding, Fix
 from autonomy.px4_health import Event, SensorReport, event_id
-from autonomy.vehicle_check import Look, judged, mend, undo
+from autonomy.vehicle_check import Listener, Look, judged, mend, undo
 from hal.clock import SimClock
 from hal.config import six_beams
 from hal.readings import (
@@ -28,6 +28,7 @@ from hal.readings import (
 from hal.setpoints import Request, RequestKind
 from hal.sim.autopilot import Autopilot
 from hal.sim.scenario import Scenario, VehicleSimulation
+from tests.support.link import SpokenLink
 from tests.support.simulated_drivers import DrivenVehicle
 from tests.unit.autonomy.test_px4_advice import GOOD
 
@@ -168,6 +169,18 @@ def test_the_way_back_is_a_command() -> None:
     )
 
 
+def test_only_the_autopilot_speaks_of_its_health() -> None:
+    link = SpokenLink()
+    listener = Listener(link)
+    sensors = {f"onboard_control_sensors_{what}": 1 for what in ("present", "enabled", "health")}
+    for component_id in (191, 1):
+        link.say("SYS_STATUS", 1.0, component_id, **sensors)
+        link.say("EVENT", 1.0, component_id, id=component_id, log_levels=3, arguments=[])
+        assert (listener.sensors is None) == (component_id != 1)
+    link.say_json("EVENT", 1.0, '{"id": "a word"}')
+    assert [event.id for event in listener.events] == [1]
+
+
 # ---------------------------------------------------------------- setting parameters
 
 FIXES = (Fix("COM_OBL_RC_ACT", 0.0, 5.0, integer=True), Fix("MPC_XY_VEL_MAX", 12.0, 1.0, False))
@@ -192,6 +205,14 @@ class Stubborn(DrivenVehicle):
         del value
         held = await self.read_parameters({name: float})
         return held[name] if name == "COM_OBL_RC_ACT" else None
+
+
+class Unheard(DrivenVehicle):
+    """Was last heard three seconds ago."""
+
+    def status(self) -> VehicleStatus:
+        """As it was then."""
+        return msgspec.structs.replace(super().status(), link_age_s=3.0)
 
 
 def vehicle(kind: type[DrivenVehicle] = DrivenVehicle) -> DrivenVehicle:
@@ -239,6 +260,28 @@ async def test_a_vehicle_that_is_armed_while_somebody_thinks_is_left_as_it_is() 
     found = await mend(on, FIXES, lambda _: on.execute_now(Request(RequestKind.ARM)).accepted)
     assert all(finding.bad for finding in found)
     assert held(on) == (0.0, 12.0)
+
+
+async def test_a_vehicle_that_is_not_heard_is_left_as_it_is() -> None:
+    on = vehicle(Unheard)
+    (finding,) = await mend(on, FIXES, lambda _: True)
+    assert finding.bad
+    assert "last heard 3 s ago" in finding.sentence
+    assert held(on) == (0.0, 12.0)
+
+
+async def test_a_fraction_is_no_value_of_a_parameter_of_whole_numbers() -> None:
+    on = vehicle()
+    (finding,) = await mend(on, (Fix("COM_OBL_RC_ACT", 0.0, 4.7, integer=True),), lambda _: True)
+    assert finding.bad
+    assert "whole numbers, not 4.7" in finding.sentence
+    assert held(on) == (0.0, 12.0)
+
+
+async def test_what_was_set_can_be_undone_also_when_not_all_was() -> None:
+    fixes = (FIXES[0], Fix("COM_RCL_EXCEPT", 0.0, 0.5, integer=True))
+    found = await mend(vehicle(), fixes, lambda _: True)
+    assert [(finding.good, finding.fix) for finding in found] == [(True, FIXES[0]), (False, None)]
 
 
 async def test_a_value_that_was_not_taken_is_told() -> None:
