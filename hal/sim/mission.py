@@ -93,7 +93,7 @@ class Mission:
 
     def set_current(self, index: int) -> bool:
         """Go on with another item; False when there is none of that number."""
-        if index > 0 and index >= len(self.items):
+        if index < 0 or (index > 0 and index >= len(self.items)):
             return False
         self.current = index
         self.finished = False

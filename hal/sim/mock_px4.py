@@ -7,6 +7,7 @@ slips, as PX4's does in lock-step simulation.
 
 import argparse
 import contextlib
+import math
 import os
 import select
 import signal
@@ -45,6 +46,7 @@ TICK_S = 0.01
 _SLIP_AFTER_S = 0.5  # a shorter stall is caught up: a real autopilot's clock does not lose it
 _FORGET_PEER_S = 15.0
 _MOST_PEERS = 8
+_MOST_VEHICLES = 16
 _TEXT_LIFE_S = 5.0
 _DATAGRAM_BYTES = 2048
 _SECOND_COMPANION = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER2
@@ -371,7 +373,17 @@ def _run_one(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run as a process: prints `ready ...` when up, ends on SIGTERM or SIGINT."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    last = options.vehicles - 1
+    if not (
+        0 <= last < _MOST_VEHICLES
+        and 1 <= options.port <= 65535 - last
+        and 1 <= options.system_id <= 255 - last
+    ):
+        parser.error("1 to 16 vehicles, their ports within 1..65535 and system ids within 1..255")
+    if not (0.0 < options.speed < math.inf and options.seed >= 0):
+        parser.error("--speed is a number above 0, --seed one that is not negative")
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())

@@ -151,6 +151,7 @@ def test_another_item_can_be_made_the_current_one_if_there_is_one() -> None:
     assert flown.changes == before + 1
     assert place_of(flown, (0.0, 0.0, -1.0)) == pytest.approx((9.0, 0.0, -1.0), abs=1e-6)
     assert not flown.set_current(3)
+    assert not flown.set_current(-1)
     assert flown.current == 2
 
 
