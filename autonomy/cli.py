@@ -229,12 +229,12 @@ def fly(
     send_beams: bool,
     faults: tuple[str, ...],
 ) -> None:
-    r"""Fly one mission: check, arm, take off, reach the goal, land.
+    """Fly one mission: check, arm, take off, reach the goal, land.
 
     Ends with 0 only when the goal was reached safely. Ctrl-C stops and holds, then lands.
 
-    \b
     autonomy fly --goal 4,3 --sim
+
     autonomy fly --goal 2,0 --goal 0,0 --connection udpin://0.0.0.0:14540
     """
     if scenario is not None and connection is not None:
