@@ -34,7 +34,8 @@ from hal.sim.mock_px4_protocol import (
     Protocol,
     text_messages,
 )
-from hal.sim.mock_px4_streams import BeamEncoder, Message, gps_raw
+from hal.sim.mock_px4_ranges import BeamEncoder
+from hal.sim.mock_px4_streams import Message, gps_raw
 from hal.sim.px4 import AutopilotText
 from hal.sim.px4_events import AutopilotEvent
 from hal.sim.scenario import Scenario, load_scenario, with_faults

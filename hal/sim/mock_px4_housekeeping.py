@@ -8,7 +8,6 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from hal.frames import Vector3, geodetic_from_ned
@@ -388,55 +387,6 @@ def available_modes(wanted: float) -> list[Message]:
         if 1 <= index <= count
         for standard, custom, properties, name in (_AVAILABLE_MODES[index - 1],)
     ]
-
-
-# ---------------------------------------------------------------- ranges of a companion
-
-
-class RangeEcho:
-    """DISTANCE_SENSOR that a companion sends in: published again as the autopilot's own.
-
-    All of them share one instance, whose number takes the place of the sender's id; of what comes
-    faster than 10 Hz only the newest is seen.
-    """
-
-    _PERIOD_S = 0.1
-
-    def __init__(self, own_sensors: int) -> None:
-        self._instance = max(own_sensors, 1)
-        self._newest: Message | None = None
-        self._due_s = 0.0
-
-    def take(self, message: Message) -> None:
-        """One reading arrived."""
-        self._newest = message
-
-    def due(self, plant: Plant) -> Message | None:
-        """What is published now."""
-        now_s, told = plant.autopilot.now_s, self._newest
-        if told is None or now_s < self._due_s:
-            return None
-        self._newest = None
-        self._due_s = max(self._due_s + self._PERIOD_S, now_s)
-        return mavlink.MAVLink_distance_sensor_message(
-            time_boot_ms=_ms(plant),
-            min_distance=_through_a_float(told.min_distance),
-            max_distance=_through_a_float(told.max_distance),
-            current_distance=_through_a_float(told.current_distance),
-            type=told.type,
-            id=self._instance,
-            orientation=told.orientation,
-            covariance=told.covariance,
-            horizontal_fov=told.horizontal_fov,
-            vertical_fov=told.vertical_fov,
-            quaternion=list(told.quaternion),
-            signal_quality=max((told.signal_quality - 1) * 100 // 99, 1),
-        )
-
-
-def _through_a_float(centimetres: int) -> int:
-    """Centimetres that were metres in single precision for a while, and truncated: 20 is 19."""
-    return int(np.float32(centimetres) * np.float32(1e-2) * np.float32(1e2))
 
 
 # ---------------------------------------------------------------- the gimbal manager

@@ -14,9 +14,10 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from hal.frames import Vector3, ned_from_geodetic
 from hal.sim.mock_px4_files import file_answer, no_logs
-from hal.sim.mock_px4_housekeeping import RangeEcho, available_modes
+from hal.sim.mock_px4_housekeeping import available_modes
 from hal.sim.mock_px4_mission import MissionProtocol, Transfer
 from hal.sim.mock_px4_plant import Plant
+from hal.sim.mock_px4_ranges import RangeEcho
 from hal.sim.mock_px4_streams import ON_REQUEST, Message, Schedule
 from hal.sim.px4 import AutopilotText, Mode, Result, Severity
 

@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from hal.config import BeamMount
 from hal.frames import geodetic_from_ned
-from hal.readings import FixType, GnssFix, RangeReading, RangeStatus
+from hal.readings import FixType, GnssFix
 from hal.sim.mock_px4_housekeeping import (
     HOUSEKEEPING,
     component_information,
@@ -440,55 +439,3 @@ class Schedule:
             if not math.isinf(interval_s):
                 due.append(stream)
         return due
-
-
-# ---------------------------------------------------------------- range beams
-
-
-def orientation(mount: BeamMount) -> int:
-    """MAV_SENSOR_ORIENTATION of a mount: up, down, or the nearest multiple of 45 deg of yaw."""
-    if mount.pitch_deg > 45.0:
-        return int(mavlink.MAV_SENSOR_ROTATION_PITCH_90)
-    if mount.pitch_deg < -45.0:
-        return int(mavlink.MAV_SENSOR_ROTATION_PITCH_270)
-    return round(mount.yaw_deg / 45.0) % 8
-
-
-class BeamEncoder:
-    """Range readings as DISTANCE_SENSOR, in whole centimetres.
-
-    Nothing in range is one centimetre over the maximum, something too near one under the minimum;
-    a beam that could not measure sends nothing.
-    """
-
-    def __init__(self, mounts: tuple[BeamMount, ...], half_angle_deg: float) -> None:
-        self._places = {
-            mount.name: (index, orientation(mount)) for index, mount in enumerate(mounts)
-        }
-        self._fov_rad = 2.0 * math.radians(half_angle_deg)
-
-    def encode(self, reading: RangeReading) -> Message | None:
-        """One message, or None for a reading that says nothing."""
-        if reading.status is RangeStatus.NO_SIGNAL:
-            return None
-        index, looks = self._places[reading.beam]
-        low, high = round(reading.min_m * 100.0), round(reading.max_m * 100.0)
-        distance = round(reading.range_m * 100.0)
-        if reading.status is RangeStatus.OUT_OF_RANGE:
-            distance = high + 1
-        elif reading.status is RangeStatus.TOO_NEAR:
-            distance = max(low - 1, 0)
-        return mavlink.MAVLink_distance_sensor_message(
-            time_boot_ms=round(reading.stamp_s * 1e3),
-            min_distance=low,
-            max_distance=high,
-            current_distance=distance,
-            type=mavlink.MAV_DISTANCE_SENSOR_INFRARED,
-            id=index,
-            orientation=looks,
-            covariance=min(round(reading.variance_m2 * 1e4), 254),
-            horizontal_fov=self._fov_rad,
-            vertical_fov=self._fov_rad,
-            quaternion=[0.0] * 4,
-            signal_quality=100,
-        )

@@ -23,6 +23,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hal.frames import ZERO3, Vector3
+from hal.sim.px4 import Parameters
 from hal.sim.sensors import EstimateOffset
 
 SUBSTEP_S = 0.01
@@ -79,6 +80,18 @@ class Limits(msgspec.Struct, frozen=True):
     up_m_s: float = 3.0  # MPC_Z_VEL_MAX_UP
     down_m_s: float = 1.5  # MPC_Z_VEL_MAX_DN
     yaw_rate_rad_s: float = math.radians(200.0)  # MC_YAWRATE_MAX
+
+    @classmethod
+    def of(cls, parameters: Parameters) -> "Limits":
+        """As an autopilot with these parameters has them."""
+        return cls(
+            position_gain_per_s=float(parameters["MPC_XY_P"]),
+            height_gain_per_s=float(parameters["MPC_Z_P"]),
+            horizontal_m_s=float(parameters["MPC_XY_VEL_MAX"]),
+            up_m_s=float(parameters["MPC_Z_VEL_MAX_UP"]),
+            down_m_s=float(parameters["MPC_Z_VEL_MAX_DN"]),
+            yaw_rate_rad_s=math.radians(float(parameters["MC_YAWRATE_MAX"])),
+        )
 
 
 EXACT = EstimateOffset(ZERO3, ZERO3, 0.0)

@@ -102,7 +102,7 @@ class Stage:
 
     def switch(self, mode: Mode) -> None:
         """A pilot's switch."""
-        self.vehicle.autopilot._intended = mode  # the simulated vehicle has no remote control
+        self.vehicle.autopilot.take_over(mode)
         self.vehicle.advance(0.05)
 
     def when_cruising(self, act: Callable[[], object]) -> None:

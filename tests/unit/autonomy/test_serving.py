@@ -255,9 +255,9 @@ async def test_what_the_service_left_in_the_air_is_not_its_own_once_a_pilot_swit
         record = await stage.fly(MissionOrder(goals=([1.0, 0.0],), land=False))
         assert record.ending == "goal_reached"
         assert stage.service._left_in_air is not None
-        autopilot._intended = Mode.POSITION  # the simulated vehicle has no remote control
+        autopilot.take_over(Mode.POSITION)
         await stage.until_true(lambda: stage.service._left_in_air is None)
-        autopilot._intended = Mode.HOLD  # back again: the pilot's Hold now
+        autopilot.take_over(Mode.HOLD)
         asked = asks(stage)
         for command in (OperatorCommand.LAND, OperatorCommand.HOLD):
             stage.station.command(command)
@@ -276,7 +276,7 @@ async def test_a_vehicle_that_a_pilot_took_in_flight_stays_the_pilot_s(tmp_path:
         drawn = stage.station.drawn
         if drawn is not None and len(drawn.track) == 12:
             stage.rig.at_tick = None
-            autopilot._intended = Mode.HOLD
+            autopilot.take_over(Mode.HOLD)
 
     stage.rig.at_tick = take
     async with asyncio.TaskGroup() as group:

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hal.frames import horizontal_norm
-from hal.sim.autopilot import Braking
+from hal.sim.autopilot_smoothing import Braking
 from hal.sim.px4 import Landed, Mode, Parameters, Result, SystemStatus
 from tests.support.px4 import Flight, facts
 

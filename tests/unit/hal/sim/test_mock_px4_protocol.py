@@ -17,7 +17,8 @@ from hal.sim.mock_px4_protocol import (
     encode_value,
     text_messages,
 )
-from hal.sim.mock_px4_streams import STREAMS, BeamEncoder, Schedule, orientation
+from hal.sim.mock_px4_ranges import BeamEncoder, orientation
+from hal.sim.mock_px4_streams import STREAMS, Schedule
 from hal.sim.px4 import AutopilotText, Mode, Severity
 from hal.sim.scenario import Scenario, load_scenario
 from tests.support.px4 import facts, scenario

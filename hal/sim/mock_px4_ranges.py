@@ -1,0 +1,109 @@
+"""DISTANCE_SENSOR of the mock PX4: the scenario's beams, and what a companion sends in.
+
+Measured on PX4 main bb59c637cd, SIH quadrotor, 2026-11.
+"""
+
+import math
+
+import numpy as np
+from pymavlink.dialects.v20 import development as mavlink
+
+from hal.config import BeamMount
+from hal.readings import RangeReading, RangeStatus
+from hal.sim.mock_px4_plant import Plant
+from hal.sim.mock_px4_streams import Message, boot_ms
+
+
+def orientation(mount: BeamMount) -> int:
+    """MAV_SENSOR_ORIENTATION of a mount: up, down, or the nearest multiple of 45 deg of yaw."""
+    if mount.pitch_deg > 45.0:
+        return int(mavlink.MAV_SENSOR_ROTATION_PITCH_90)
+    if mount.pitch_deg < -45.0:
+        return int(mavlink.MAV_SENSOR_ROTATION_PITCH_270)
+    return round(mount.yaw_deg / 45.0) % 8
+
+
+class BeamEncoder:
+    """Range readings as DISTANCE_SENSOR, in whole centimetres.
+
+    Nothing in range is one centimetre over the maximum, something too near one under the minimum;
+    a beam that could not measure sends nothing.
+    """
+
+    def __init__(self, mounts: tuple[BeamMount, ...], half_angle_deg: float) -> None:
+        self._places = {
+            mount.name: (index, orientation(mount)) for index, mount in enumerate(mounts)
+        }
+        self._fov_rad = 2.0 * math.radians(half_angle_deg)
+
+    def encode(self, reading: RangeReading) -> Message | None:
+        """One message, or None for a reading that says nothing."""
+        if reading.status is RangeStatus.NO_SIGNAL:
+            return None
+        index, looks = self._places[reading.beam]
+        low, high = round(reading.min_m * 100.0), round(reading.max_m * 100.0)
+        distance = round(reading.range_m * 100.0)
+        if reading.status is RangeStatus.OUT_OF_RANGE:
+            distance = high + 1
+        elif reading.status is RangeStatus.TOO_NEAR:
+            distance = max(low - 1, 0)
+        return mavlink.MAVLink_distance_sensor_message(
+            time_boot_ms=round(reading.stamp_s * 1e3),
+            min_distance=low,
+            max_distance=high,
+            current_distance=distance,
+            type=mavlink.MAV_DISTANCE_SENSOR_INFRARED,
+            id=index,
+            orientation=looks,
+            covariance=min(round(reading.variance_m2 * 1e4), 254),
+            horizontal_fov=self._fov_rad,
+            vertical_fov=self._fov_rad,
+            quaternion=[0.0] * 4,
+            signal_quality=100,
+        )
+
+
+class RangeEcho:
+    """DISTANCE_SENSOR that a companion sends in: published again as the autopilot's own.
+
+    All of them share one instance, whose number takes the place of the sender's id; of what comes
+    faster than 10 Hz only the newest is seen.
+    """
+
+    _PERIOD_S = 0.1
+
+    def __init__(self, own_sensors: int) -> None:
+        self._instance = max(own_sensors, 1)
+        self._newest: Message | None = None
+        self._due_s = 0.0
+
+    def take(self, message: Message) -> None:
+        """One reading arrived."""
+        self._newest = message
+
+    def due(self, plant: Plant) -> Message | None:
+        """What is published now."""
+        now_s, told = plant.autopilot.now_s, self._newest
+        if told is None or now_s < self._due_s:
+            return None
+        self._newest = None
+        self._due_s = max(self._due_s + self._PERIOD_S, now_s)
+        return mavlink.MAVLink_distance_sensor_message(
+            time_boot_ms=boot_ms(plant),
+            min_distance=_through_a_float(told.min_distance),
+            max_distance=_through_a_float(told.max_distance),
+            current_distance=_through_a_float(told.current_distance),
+            type=told.type,
+            id=self._instance,
+            orientation=told.orientation,
+            covariance=told.covariance,
+            horizontal_fov=told.horizontal_fov,
+            vertical_fov=told.vertical_fov,
+            quaternion=list(told.quaternion),
+            signal_quality=max((told.signal_quality - 1) * 100 // 99, 1),
+        )
+
+
+def _through_a_float(centimetres: int) -> int:
+    """Centimetres that were metres in single precision for a while, and truncated: 20 is 19."""
+    return int(np.float32(centimetres) * np.float32(1e-2) * np.float32(1e2))
