@@ -1,6 +1,7 @@
 """The shell of a flight on simulated time: how it ends, and whose the vehicle is then."""
 
 import asyncio
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -14,6 +15,7 @@ from autonomy.model import Ending, Inputs
 from autonomy.simulation import goal_of, with_scenario
 from hal.readings import FlightMode, LandedState, StatusText
 from hal.setpoints import Reply, Request, RequestKind, Setpoint
+from hal.sim.mission import LOITER_UNLIMITED, MissionItem
 from hal.sim.px4 import Mode, Result
 from hal.sim.scenario import load_scenario
 from hal.sim.vehicle import Truth
@@ -21,6 +23,7 @@ from hal.vehicle.deadman import Deadman, Watch
 from tests.support.simulated_drivers import DrivenBeams, Rig
 
 MOVING_M_S = 0.1
+STAY = MissionItem(3, LOITER_UNLIMITED, (0.0, 0.0, 0.0, math.nan), math.nan, math.nan, 1.0)
 
 
 class Planted(Exception):
@@ -209,6 +212,7 @@ def test_a_pilot_who_switches_during_a_stall_keeps_the_vehicle(
     stage: Stage, mode: Mode, at_s: float
 ) -> None:
     switched: list[float] = []
+    stage.vehicle.autopilot.mission.replace([STAY])  # without a mission PX4 goes on to Hold
 
     def pilot(late_s: float) -> None:
         if late_s >= at_s and not switched:
