@@ -21,6 +21,7 @@ class PlannedScenario(msgspec.Struct, frozen=True):
     scenario: Scenario
     goal: Point
     hits: tuple[Point, ...]
+    height_m: float
     plan: Plan | NoPlan
     planning_s: float
 
@@ -48,7 +49,8 @@ def plan_scenario(name_or_path: str, goal: Point | None, config: Config) -> Plan
     points = np.array(hits, dtype=np.float64).reshape(-1, 2)
     before_s = time.perf_counter()
     plan = planner.plan((0.0, 0.0), target, points)
-    return PlannedScenario(scenario, target, hits, plan, time.perf_counter() - before_s)
+    planning_s = time.perf_counter() - before_s
+    return PlannedScenario(scenario, target, hits, config.mission.altitude_m, plan, planning_s)
 
 
 def outline_hits(
@@ -76,7 +78,8 @@ def described(planned: PlannedScenario) -> str:
     milliseconds = f"{planned.planning_s * 1e3:.2f} ms"
     if isinstance(plan, NoPlan):
         return (
-            f"{name}: no way to ({planned.goal[0]:g}, {planned.goal[1]:g}): {plan.reason}; "
+            f"{name}: no way to ({planned.goal[0]:g}, {planned.goal[1]:g}) "
+            f"at {planned.height_m:g} m high, the only height planned at: {plan.reason}; "
             f"{len(plan.evidence)} hits bar it; found in {milliseconds}"
         )
     straight_m = distance((0.0, 0.0), planned.goal)

@@ -60,6 +60,13 @@ def test_no_way_is_told_with_what_bars_it() -> None:
     assert f"{len(planned.plan.evidence)} hits bar it" in described(planned)
 
 
+def test_no_way_past_a_low_wall_is_told_with_the_height_it_was_looked_for_at() -> None:
+    config = Config.model_validate({"mission": {"altitude_m": 1.2}})
+    assert "at 1.2 m high, the only height" in described(plan_scenario("low_wall", None, config))
+    over = Config.model_validate({"mission": {"altitude_m": 1.5}})
+    assert plan_scenario("low_wall", None, over).reachable
+
+
 @pytest.fixture(scope="module")
 def scenario() -> Scenario:
     return load_scenario("default")
