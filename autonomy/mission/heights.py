@@ -60,6 +60,7 @@ class Heights:
         self._barred: deque[tuple[float, Point]] = deque(maxlen=PLACES_KEPT)
         self._looked: deque[tuple[float, Point]] = deque(maxlen=PLACES_KEPT)
         self._search: Search | None = None
+        self._why_left_out: str | None = None
         self._guesses = True
         self._search_until_s = math.inf
         self._open_at: Point | None = None
@@ -87,6 +88,8 @@ class Heights:
         goal_m = self._storeys.goal_m
         self._search = None
         self._wanted_m = None
+        # What was tried on the way to the last goal says little about the way to this one.
+        self._guesses, self._retreats = True, 0
         if abs(height_m - goal_m) > NEAR_HEIGHT_M:
             self.commanded_m = self.present_m
             self.change_to(goal_m)
@@ -234,7 +237,8 @@ class Heights:
         )
         planner = self._planner if self._guesses else self._wide_planner
         search = Search(planner, question, here, self._hits_at, thorough=not self._guesses)
-        if self._is_worth_it(here) and not search.would_stay and self._may_leave(tick, goal):
+        self._why_left_out = self._why_stay(tick, goal)
+        if self._is_worth_it(here) and not search.would_stay and self._why_left_out is None:
             search.look_at(
                 height_m
                 for height_m in self._storeys.heights_m()
@@ -250,6 +254,13 @@ class Heights:
             return None
         search.step()
         return search.result() if search.decided else None
+
+    def told(self, here: NoPlan) -> NoPlan:
+        """`here` after `ask`, with why no other height was looked at where one might lead on."""
+        if self._why_left_out is None or not self._is_worth_it(here):
+            return here
+        reason = f"{here.reason} at {self.present_m:.2f} m; others left out: {self._why_left_out}"
+        return msgspec.structs.replace(here, reason=reason)
 
     def looked_round(self, point: Point) -> None:
         """The picture at the present height is complete around `point`."""
@@ -330,15 +341,20 @@ class Heights:
         inside_m = self._config.guard.fence.inside_distance_m(*point)
         return near_m >= clearance_m and inside_m >= in_fence_m
 
-    def _may_leave(self, tick: Tick, goal: Point) -> bool:
+    def _why_stay(self, tick: Tick, goal: Point) -> str | None:
         """At the goal another height cannot help; in a narrow place, late, or after too many
-        changes it must not be tried.
+        changes it must not be tried. None where it may.
         """
         point = tick.fused.point
-        left = self.changes < self._config.planner.storeys.changes_max
-        left = left and tick.now_s <= self._search_until_s
-        away = distance(point, goal) > self._config.mission.goal_tolerance_m
-        return left and away and self._has_room(point, ROOM_M, ROOM_IN_FENCE_M)
+        if distance(point, goal) <= self._config.mission.goal_tolerance_m:
+            return "the goal is here"
+        if self.changes >= self._config.planner.storeys.changes_max:
+            return f"{self.changes} changes of height are enough"
+        if tick.now_s > self._search_until_s:
+            return "too little of the mission's time is left"
+        if not self._has_room(point, ROOM_M, ROOM_IN_FENCE_M):
+            return "no room here to change height"
+        return None
 
     def _hits_at(self, height_m: float) -> FloatArray:
         spacing_m = self._config.planner.storeys.spacing_m

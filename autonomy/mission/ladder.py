@@ -8,7 +8,7 @@ class Rung(StrEnum):
 
     LOOK_AGAIN = "looking again"
     FORGET_NEARBY = "forgetting everything within"
-    FORGET_ALL = "forgetting the whole map"
+    FORGET_ALL = "forgetting the map"
     VERDICT = "the goal cannot be reached"
 
 

@@ -113,7 +113,7 @@ class Pilot:
         self._outcome: Outcome | None = None
         self._path = FlownPath(((0.0, 0.0),))
         self._path_keep_out_m = 0.0
-        self._path_checked = (-1, -1)
+        self._path_free_at: int | None = None
         self._planned_s = -math.inf
         self._hold_at: Point | None = None
         self._landing_ordered = False
@@ -201,6 +201,7 @@ class Pilot:
         """
         if self._arrived(tick.fused):
             return self._next_goal(tick)
+        self._heights.note_place(tick.fused.point)
         if self._is_back(tick.fused):
             return Move(MissionState.STOP, "room to change height")
         move = self._on_other_heights(tick)
@@ -273,7 +274,9 @@ class Pilot:
             tick.say("height", f"{here.reason}; back to where there is room to change height")
             return self._take(tick, back)
         if not self._heights.searching:
-            return None if self._heights.stop_guessing() else self._decided(tick, here)
+            if self._heights.stop_guessing():
+                return None
+            return self._decided(tick, self._heights.told(here))
         if self._state is MissionState.REPLAN:
             return None
         height = f"{self._heights.present_m:.2f} m"
@@ -329,7 +332,7 @@ class Pilot:
         tick.plan = plan
         self._path = FlownPath(plan.points)
         self._path_keep_out_m = plan.keep_out_m
-        self._path_checked = (-1, -1)
+        self._path_free_at = None
         self._moved_from = None
         straight = all(leg.kind is LegKind.STRAIGHT for leg in plan.legs)
         state = MissionState.CRUISE if straight else MissionState.FOLLOW
@@ -386,7 +389,6 @@ class Pilot:
 
     def _is_back(self, fused: FusedState) -> bool:
         """True where there is room again, after a retreat from a narrow place."""
-        self._heights.note_place(fused.point)
         place = self._retreat_to
         return place is not None and distance(fused.point, place) <= _BACK_WITHIN_M
 
@@ -398,10 +400,10 @@ class Pilot:
     def _blocked_ahead_m(self) -> float | None:
         """How far ahead along the path a known hit is too near; None when the path is free.
 
-        A path once checked against a map stays checked until the map changes.
+        A path once found free stays free until the map changes, whose versions never repeat.
         """
-        checked = (self._sensing.map.version, id(self._path))
-        if checked == self._path_checked:
+        version = self._sensing.map.version
+        if version == self._path_free_at:
             return None
         found = violated(
             np.array(self._path.remaining()),
@@ -409,7 +411,7 @@ class Pilot:
             self._path_keep_out_m - _PATH_SLACK_M,
         )
         if found is None:
-            self._path_checked = checked
+            self._path_free_at = version
             return None
         return found.distance_m
 

@@ -178,7 +178,8 @@ def test_no_change_of_height_comes_nearer_to_a_surface_than_the_beams_stop(
     assert lift.lowest_m >= min(1.0, floor + min(stop_m, room_below_m))
     assert lift.heights.present_m in (wanted, 1.0)
     if lift.heights.present_m == 1.0:
-        assert "back to 1.00 m" in lift.said[0]
+        assert lift.said[0].startswith("something is ")
+        assert lift.said[0].endswith("back to 1.00 m")
         assert not lift.heights.may_change(lift.step(), wanted)
 
 
@@ -265,11 +266,36 @@ def closed_here(lift: Lift) -> NoPlan:
     return found
 
 
+def test_room_is_measured_from_the_centre_wherever_the_sensor_sits() -> None:
+    mounts = [
+        mount.model_copy(update={"down_m": {"up": -0.03, "down": 0.04}.get(mount.name, 0.0)})
+        for mount in CONFIG.beams.mounts
+    ]
+    beams = CONFIG.beams.model_copy(update={"mounts": tuple(mounts)})
+    lift = begun(config=CONFIG.model_copy(update={"beams": beams}), ceiling_m=1.8, floor_m=0.5)
+    above, below = lift.sensing.room(1, lift.now_s), lift.sensing.room(-1, lift.now_s)
+    assert above is not None
+    assert below is not None
+    assert above.free_m == pytest.approx(0.83)
+    assert below.free_m == pytest.approx(0.54)
+
+
 def test_never_means_never() -> None:
     lift = begun(config=Config.model_validate({"planner": {"storeys": {"use": "never"}}}))
     told = closed_here(lift)
     assert lift.heights.ask(lift.step(), told, GOAL, 0.09) is told
     assert not lift.heights.searching
+    lift.heights.changes = CONFIG.planner.storeys.changes_max
+    lift.heights.ask(lift.step(), told, GOAL, 0.09)
+    assert lift.heights.told(told) is told
+
+
+def test_where_beams_allow_other_heights_nothing_was_left_out() -> None:
+    lift = begun()
+    told = closed_here(lift)
+    lift.heights.ask(lift.step(), told, GOAL, 0.09)
+    assert lift.heights.searching
+    assert lift.heights.told(told) is told
 
 
 @pytest.mark.parametrize(("silent", "count"), [((), 7), (("up",), 3), (("up", "down"), 0)])
@@ -297,6 +323,9 @@ def test_at_the_goal_or_after_too_many_changes_no_other_height_is_looked_at() ->
     lift.heights.changes = CONFIG.planner.storeys.changes_max
     lift.heights.ask(lift.step(), told, GOAL, 0.09)
     assert not lift.heights.searching
+    assert lift.heights.told(told).reason.endswith(
+        "at 1.00 m; others left out: 40 changes of height are enough"
+    )
 
 
 def beside_a_wall(lift: Lift) -> None:
@@ -314,6 +343,7 @@ def test_in_a_narrow_place_no_height_is_looked_at_but_the_way_back_to_room() -> 
     lift.heights.note_place((0.0, 0.1))  # none here
     lift.heights.ask(lift.step(), told, GOAL, 0.09)
     assert not lift.heights.searching
+    assert lift.heights.told(told).reason.endswith("others left out: no room here to change height")
     back = lift.heights.retreat(lift.step(), told)
     assert back is not None
     assert back.points[-1] == (-0.8, 0.0)
@@ -336,8 +366,25 @@ def test_late_in_a_mission_no_other_height_is_looked_at() -> None:
     lift.step()
     lift.heights.ask(lift.step(), told, GOAL, 0.09)
     assert not lift.heights.searching
+    assert lift.heights.told(told).reason.endswith("too little of the mission's time is left")
     beside_a_wall(lift)
     assert lift.heights.retreat(lift.step(), told) is None
+
+
+def test_a_next_goal_is_flown_to_with_guesses_and_retreats_again() -> None:
+    lift = begun()
+    lift.heights.change_to(1.22)
+    lift.change()
+    stopped = [lift.heights.stop_guessing(), lift.heights.stop_guessing()]
+    proves = [lift.heights.proving]
+    assert not lift.heights.aim(1.22, 1.22)
+    lift.heights.change_to(1.44)
+    lift.change()
+    assert not lift.heights.at_goals_height
+    proves.append(lift.heights.proving)
+    stopped.append(lift.heights.stop_guessing())
+    assert stopped == [True, False, True]
+    assert proves == [True, False]
 
 
 def test_retreats_are_counted() -> None:
@@ -347,6 +394,8 @@ def test_retreats_are_counted() -> None:
     told = closed_here(lift)
     backs = [lift.heights.retreat(lift.step(), told) for _ in range(RETREATS_MAX + 1)]
     assert [back is not None for back in backs] == [True] * RETREATS_MAX + [False]
+    lift.heights.aim(1.0, 1.0)
+    assert lift.heights.retreat(lift.step(), told) is not None
 
 
 def test_an_open_way_at_the_goals_height_ends_the_search_unless_cheapest_is_wanted() -> None:
