@@ -26,6 +26,7 @@ Zero velocity alone has no bound worth having (the integrator unwinds slowly aga
 hold keeps the position at which it *began* until it ends: the guard's only memory.
 """
 
+import itertools
 import math
 
 import msgspec
@@ -178,7 +179,7 @@ class Guard:
         self._known_beams: dict[str, _Beam] = {}
         self._beam_stop_m = config.beam_stop_m
         points = config.fence.polygon_ne_m
-        self._edges = tuple(zip(points, points[1:] + points[:1], strict=True))
+        self._edges = tuple(itertools.pairwise((*points, points[0])))
         self._fence_at = (0.0, 0.0)
         self._fence_inside_m = config.fence.inside_distance_m(*self._fence_at)
         self._anchor: Vector3 | None = None

@@ -1,7 +1,8 @@
-"""A pytest plugin that stops where the tests are collected, and forks for every mutant.
+"""A pytest plugin that stops where the tests are collected, and shows them mutant after mutant.
 
-The first fork runs all tests as they are and notes which lines of the module each of them comes
-by; a mutant is then shown only to those that come by its line, the quickest first.
+A first fork runs all tests as they are and notes which lines of the module each of them comes by; a
+mutant is then shown only to those that come by its line, the quickest first. Mutants are tried in
+a second fork, which is replaced where one of them ends it (an endless loop).
 """
 
 import dataclasses
@@ -15,7 +16,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 
@@ -54,20 +55,23 @@ class Collected:
         self._footprints: list[Footprint] = []
         self._notes: list[Footprint] | None = None
         self._to_parent: Connection | None = None
-        self._is_child = False
+        self._is_failed = False
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> None:
-        """Serve; returns, in a child only, to let pytest run the tests that are chosen."""
+        """Serve; returns, in a child only, to let pytest run all tests as they are."""
         self._voice.send(foreign_modules(self._place))
         if self._is_noting():
             return
         while True:
-            asked = self._voice.recv()
-            if asked is None:
+            child = os.fork()
+            if child == 0:
+                self._answer_all(session)
+            _, status = os.waitpid(child, 0)
+            if status == 0:
                 os._exit(0)
-            if self._is_trying(session, *asked):
-                return
+            # What it tried ended it.
+            self._voice.send((False, 0.0))
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self) -> Generator[None, object, object]:
@@ -85,12 +89,15 @@ class Collected:
             cpu_s = time.process_time() - begun
             self._notes.append(Footprint(frozenset(lines), frozenset(functions), cpu_s))
 
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """A test that fails, or whose fixtures do."""
+        self._is_failed |= report.failed
+
     @pytest.hookimpl(tryfirst=True)
     def pytest_sessionfinish(self, exitstatus: int) -> None:
-        """A child ends here: what follows would clean up what the next one needs."""
+        """The noting child ends here: what follows would clean up what the next one needs."""
         if self._to_parent is not None:
             self._to_parent.send([dataclasses.astuple(note) for note in self._notes or ()])
-        if self._is_child:
             os._exit(int(exitstatus))
 
     def _is_noting(self) -> bool:
@@ -98,35 +105,41 @@ class Collected:
         receiver, sender = get_context("fork").Pipe(duplex=False)
         child = os.fork()
         if child == 0:
-            self._is_child, self._to_parent, self._notes = True, sender, []
+            self._to_parent, self._notes = sender, []
             return True
         sender.close()
         self._footprints = [Footprint(*note) for note in receiver.recv()]
         os.waitpid(child, 0)
         return False
 
-    def _is_trying(
+    def _answer_all(self, session: pytest.Session) -> NoReturn:
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_MAX_BYTES, MEMORY_MAX_BYTES))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        for number in (signal.SIGPROF, signal.SIGALRM):
+            signal.signal(number, signal.SIG_DFL)
+        while True:
+            asked = self._voice.recv()
+            if asked is None:
+                os._exit(0)
+            self._voice.send(self._answer(session, *asked))
+
+    def _answer(
         self, session: pytest.Session, source: str, lines: frozenset[int], cpu_limit_s: float
-    ) -> bool:
-        """True in the child that tries the mutant; the answer is sent when it is over."""
+    ) -> tuple[bool | None, float]:
         swap = swap_for(sys.modules[self._name], self._original, source)
         if swap is None:
-            self._voice.send((None, 0.0))
-            return False
-        chosen = self._witnesses(lines, swap)
-        if not chosen:
-            self._voice.send((True, 0.0))
-            return False
-        child = os.fork()
-        if child == 0:
-            self._is_child = True
-            limit(cpu_limit_s)
-            session.items[:] = [session.items[k] for k in chosen]
-            swap.apply()
-            return True
-        _, status, usage = os.wait4(child, 0)
-        self._voice.send((os.waitstatus_to_exitcode(status) == 0, usage.ru_utime))
-        return False
+            return None, 0.0
+        self._is_failed = False
+        begun = time.process_time()
+        set_limits(cpu_limit_s)
+        with swap.applied():
+            for k in self._witnesses(lines, swap):
+                item = session.items[k]
+                item.config.hook.pytest_runtest_protocol(item=item, nextitem=None)
+                if self._is_failed:
+                    break
+        set_limits(0.0)
+        return not self._is_failed, time.process_time() - begun
 
     def _witnesses(self, lines: frozenset[int], swap: Swap) -> list[int]:
         """Numbers of the tests to ask, the quickest first."""
@@ -141,15 +154,11 @@ class Collected:
         return sorted(chosen, key=lambda k: self._footprints[k].cpu_s)
 
 
-def limit(cpu_limit_s: float) -> None:
-    """End this process when it takes too long (of its own time, not the machine's) or too much."""
-    seconds = int(cpu_limit_s) + 1
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_MAX_BYTES, MEMORY_MAX_BYTES))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    # For what sleeps.
-    signal.alarm(60 + 60 * seconds)
+def set_limits(cpu_limit_s: float) -> None:
+    """End this process when it takes longer than that of its own time, or sleeps; 0: no more."""
+    signal.setitimer(signal.ITIMER_PROF, cpu_limit_s)
+    # For what sleeps: processor time may be scarce.
+    signal.setitimer(signal.ITIMER_REAL, 60.0 * cpu_limit_s)
 
 
 def foreign_modules(place: Path) -> list[str]:

@@ -6,6 +6,7 @@ themselves (their bodies, their options) cannot be put in this way.
 
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import CodeType, FunctionType, ModuleType
 from typing import TypeGuard
@@ -21,14 +22,27 @@ class Swap:
     constants: dict[str, tuple[Plain, Plain]] = field(default_factory=dict)
     """By name: as it is, as it shall be."""
 
-    def apply(self) -> None:
-        """Make it so, constants also where other modules have imported them by name."""
+    @contextmanager
+    def applied(self) -> Iterator[None]:
+        """Make it so for a while, constants also where other modules have imported them by name."""
+        before = [(function, function.__code__) for function, _ in self.functions]
+        holders = [
+            (module, name)
+            for name, (old, _) in self.constants.items()
+            for module in list(sys.modules.values())
+            if vars(module).get(name) is old
+        ]
         for function, code in self.functions:
             function.__code__ = code
-        for name, (old, new) in self.constants.items():
-            for module in list(sys.modules.values()):
-                if vars(module).get(name) is old:
-                    setattr(module, name, new)
+        for module, name in holders:
+            setattr(module, name, self.constants[name][1])
+        try:
+            yield
+        finally:
+            for function, code in before:
+                function.__code__ = code
+            for module, name in holders:
+                setattr(module, name, self.constants[name][0])
 
 
 def swap_for(module: ModuleType, original: str, mutant: str) -> Swap | None:

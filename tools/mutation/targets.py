@@ -57,6 +57,15 @@ TARGETS: dict[str, Target] = {
     "guard": Target(
         Path("hal/vehicle/guard.py"),
         tuple(f"{GUARD}{part}.py" for part in ("", "_surfaces", "_borders", "_flights")),
+        equivalent=dict.fromkeys(
+            (
+                "__init__: self._fence_at = (0.0, 0.0) -> self._fence_at = ( -1.0, 0.0)",
+                "__init__: self._fence_at = (0.0, 0.0) -> self._fence_at = ( 1.0, 0.0)",
+                "__init__: self._fence_at = (0.0, 0.0) -> self._fence_at = (0.0, -1.0)",
+                "__init__: self._fence_at = (0.0, 0.0) -> self._fence_at = (0.0, 1.0)",
+            ),
+            "any place will do: the distance that is remembered is computed for it",
+        ),
     ),
     "outline-kernels": Target(
         KERNELS,

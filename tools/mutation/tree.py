@@ -1,9 +1,9 @@
 """A copy of the project, and the processes that test mutants in it.
 
 To import everything and to collect the tests takes longer than to run them. So one process of
-each tree imports and collects once, then forks for every mutant (`collected`). Only a mutant in the
-body of a class is written into the tree: a fork of this process, which has imported nothing but
-what is not the project's, begins from there.
+each tree imports and collects once, and shows its tests every mutant (`collected`). Only a mutant
+in the body of a class is written into the tree: a fork of this process, which has imported nothing
+but what is not the project's, begins from there.
 """
 
 import importlib
@@ -18,10 +18,14 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from tools.mutation.collected import OWN, Collected, limit
+from tools.mutation.collected import OWN, Collected, set_limits
 
 COPIED = ("autonomy", "hal", "tools", "tests", "configs", "pyproject.toml", "README.md")
-OPTIONS = ("-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore")
+OPTIONS = (
+    *("-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore"),
+    # What would be told of a failure is not read.
+    *("--assert=plain", "--tb=line"),
+)
 PATIENCE = 5.0
 """Tests that take this many times longer have noticed something."""
 LEAST_CPU_S = 3.0
@@ -111,7 +115,7 @@ def _serve(place: Path, tests: tuple[str, ...], collected: Collected) -> None:
 
 def _import_and_test(place: Path, tests: tuple[str, ...], cpu_limit_s: float) -> None:
     _enter(place)
-    limit(cpu_limit_s)
+    set_limits(cpu_limit_s)
     os._exit(_tested(tests))
 
 

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -61,20 +62,22 @@ def module(tmp_path: Path) -> Iterator[Any]:
     del sys.modules["slopes"]
 
 
-def put(module: Any, old: str, new: str) -> bool:
-    """Whether the mutant could be put in without importing anew."""
+def put(stack: ExitStack, module: Any, old: str, new: str) -> bool:
+    """Whether the mutant could be put in without importing anew; it stays while the stack does."""
     assert SOURCE.count(old) == 1
     swap = swap_for(module, SOURCE, SOURCE.replace(old, new))
     if swap is None:
         return False
-    swap.apply()
+    stack.enter_context(swap.applied())
     return True
 
 
-def test_who_holds_a_function_runs_its_mutant(module: Any) -> None:
+def test_who_holds_a_function_runs_its_mutant_and_then_the_function_again(module: Any) -> None:
     held = module.is_above
-    assert put(module, "value > least", "value >= least")
-    assert held(1.0)
+    with ExitStack() as stack:
+        assert put(stack, module, "value > least", "value >= least")
+        assert held(1.0)
+    assert not held(1.0)
 
 
 @pytest.mark.parametrize(
@@ -85,16 +88,19 @@ def test_what_is_inside_of_a_function_changes_with_it(
     module: Any, old: str, new: str, expected: list[float]
 ) -> None:
     held = module.doubled
-    assert put(module, old, new)
-    assert held([1.0, 2.0]) == expected
+    with ExitStack() as stack:
+        assert put(stack, module, old, new)
+        assert held([1.0, 2.0]) == expected
 
 
 def test_methods_of_every_kind_are_reached(module: Any) -> None:
     slope = module.Slope()
-    assert put(module, "-2.0 * run", "+2.0 * run")
-    assert put(module, "1.0 / 2.0", "1.0 * 2.0")
-    assert put(module, "return 0.0", "return 1.0")
-    assert (slope.rise(1.0), slope.half, slope.flat()) == (2.0, 2.0, 1.0)
+    with ExitStack() as stack:
+        assert put(stack, module, "-2.0 * run", "+2.0 * run")
+        assert put(stack, module, "1.0 / 2.0", "1.0 * 2.0")
+        assert put(stack, module, "return 0.0", "return 1.0")
+        assert (slope.rise(1.0), slope.half, slope.flat()) == (2.0, 2.0, 1.0)
+    assert (slope.rise(1.0), slope.half, slope.flat()) == (-2.0, 0.5, 0.0)
 
 
 def test_a_constant_changes_wherever_it_was_imported_to(module: Any) -> None:
@@ -103,12 +109,15 @@ def test_a_constant_changes_wherever_it_was_imported_to(module: Any) -> None:
     other.LIMIT = module.LEAST
     sys.modules["slope_user"] = other
     try:
-        assert put(module, "LEAST = 2.0", "LEAST = 3.0")
+        with ExitStack() as stack:
+            assert put(stack, module, "LEAST = 2.0", "LEAST = 3.0")
+            assert (module.LEAST, other.LEAST, other.LIMIT) == (3.0, 3.0, 2.0)
+        with ExitStack() as stack:
+            assert put(stack, module, "(1, 2.5)", "(1, 3.5)")
+            assert module.STEPS == (1, 3.5)
+        assert (module.LEAST, other.LEAST, module.STEPS) == (2.0, 2.0, (1, 2.5))
     finally:
         del sys.modules["slope_user"]
-    assert (module.LEAST, other.LEAST, other.LIMIT) == (3.0, 3.0, 2.0)
-    assert put(module, "(1, 2.5)", "(1, 3.5)")
-    assert module.STEPS == (1, 3.5)
 
 
 @pytest.mark.parametrize(
@@ -123,7 +132,8 @@ def test_a_constant_changes_wherever_it_was_imported_to(module: Any) -> None:
 def test_classes_defaults_and_tables_have_to_be_imported_anew(
     module: Any, old: str, new: str
 ) -> None:
-    assert not put(module, old, new)
+    with ExitStack() as stack:
+        assert not put(stack, module, old, new)
 
 
 def test_without_a_difference_there_is_nothing_to_put_in(module: Any) -> None:

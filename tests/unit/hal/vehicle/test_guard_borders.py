@@ -151,6 +151,28 @@ def test_a_hold_that_keeps_off_a_surface_goes_back_to_where_it_began_in_the_plan
     assert is_hold_at(guard.check(old, drifted), (0.1, 0.2, -1.05))
 
 
+def test_a_retreat_as_long_as_the_way_back_aside_is_one_all_the_same() -> None:
+    guard = Guard(CONFIG)
+    old = setpoint(stamp_s=NOW_S - 1.0)
+    guard.check(old, sight((0.0, 0.1, -1.1)))
+    # 0.1 m back to the east, and 0.1 m down from a ceiling.
+    drifted = sight((0.0, 0.0, -1.1), beams=(beam("up", 0.02),))
+    assert is_hold_at(guard.check(old, drifted), (0.0, 0.1, -1.0))
+
+
+def test_a_hold_for_want_of_room_goes_back_north_and_east_but_not_up_or_down() -> None:
+    guard = Guard(CONFIG)
+    unseen = DiscWorld(seen_m=0.0)
+    asked = setpoint(velocity=(0.2, 0.0, 0.0))
+    guard.check(asked, sight((0.1, 0.2, -1.0), space=unseen))
+    again = guard.check(asked, sight((0.14, 0.17, -1.06), space=unseen))
+    assert is_hold_at(again, (0.1, 0.2, -1.0))
+    lower = setpoint((0.1, 0.2, -1.1), (0.2, 0.0, 0.0))
+    assert is_hold_at(
+        guard.check(lower, sight((0.14, 0.17, -1.06), space=unseen)), (0.1, 0.2, -1.1)
+    )
+
+
 @pytest.mark.parametrize("name", ["up", "down"])
 def test_without_a_position_a_hold_does_not_move_for_a_surface(name: str) -> None:
     seen = sight((0.1, 0.2, -1.1), ok=False, beams=(beam(name, 0.135),))
