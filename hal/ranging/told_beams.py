@@ -55,7 +55,8 @@ class BeamTeller:
         if not mine or mine[-1].stamp_s < self._due_s:
             return
         now_s = mine[-1].stamp_s
-        self._due_s = max(self._due_s, now_s - INTERVAL_S) + INTERVAL_S
+        in_time = now_s - self._due_s < INTERVAL_S
+        self._due_s = (self._due_s if in_time else now_s) + INTERVAL_S
         for reading in self._newest.values():
             self._sink.send_message("DISTANCE_SENSOR", json.dumps(self._distance(reading)))
         self._sink.send_message("OBSTACLE_DISTANCE", json.dumps(self._obstacles(now_s)))

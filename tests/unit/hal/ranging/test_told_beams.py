@@ -85,6 +85,7 @@ def test_no_more_is_sent_than_px4_passes_on() -> None:
     for tick in range(41):
         teller.tell([reading("front", 0.5 + tick * 0.01, stamp_s=5.0 + tick * 0.05)])
     sent = sink.of("DISTANCE_SENSOR")
+    assert [fields["current_distance"] for fields in sent[:2]] == [50, 52]
     assert len(sent) == pytest.approx(40 * 0.05 / INTERVAL_S, abs=1)
     assert sent[-1]["current_distance"] in (89, 90)
     assert len(sink.of("OBSTACLE_DISTANCE")) == len(sent)
