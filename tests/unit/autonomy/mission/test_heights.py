@@ -198,6 +198,18 @@ def test_without_the_beam_that_looks_there_the_height_is_not_changed(
     ]
 
 
+def test_a_height_that_was_not_reached_is_not_tried_again_here_until_all_is_forgotten() -> None:
+    lift = begun(silent=("up",))
+    lift.heights.change_to(1.22)
+    lift.change()
+    lift.silent = ()
+    lift.step()
+    assert not lift.heights.may_change(lift.step(), 1.22)
+    assert lift.heights.may_change(lift.step(), 1.44)
+    lift.heights.forget(lift.step(), 0.14)
+    assert lift.heights.may_change(lift.step(), 1.22)
+
+
 def test_a_beam_lost_on_the_way_stops_the_climb_and_a_moments_loss_only_delays_it() -> None:
     lift = begun()
     lift.heights.change_to(1.88)
