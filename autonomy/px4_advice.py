@@ -198,7 +198,8 @@ ADVICE: tuple[Advice, ...] = (
         float,
         _under_the_ceiling,
         "a return, also one that a pilot asks for, climbs to it (or to a cone): keep it below the "
-        "ceiling (guard.altitude_max_m)",
+        "ceiling (guard.altitude_max_m); some versions climb with the distance from home whatever "
+        "it says, so land indoors rather than return",
         "[measured]: +8.8 m at 7 m from home with the default of 30 m",
     ),
     Advice(

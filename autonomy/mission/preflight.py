@@ -12,6 +12,8 @@ from hal.readings import FlightMode, LandedState, VehicleFacts, VehicleStatus
 # PX4's COM_OBL_RC_ACT: what it does when the offboard stream ends and no RC is there. The default
 # (0) is a return that climbs first: measured +4.3 m, fatal under a ceiling.
 _LAND, _HOLD = 4, 5
+# COM_OF_LOSS_T, PX4's default: it flies on with the last velocity for as long.
+_BLIND_MAX_S = 1.0
 # NAV_DLL_ACT: disabled, Hold, Land. Return climbs, and the others cut the motors.
 _LINK_ACTIONS = (0, 1, 3)
 _GAIN_TOLERANCE_PER_S = 0.1
@@ -65,7 +67,7 @@ def parameter_findings(
             "(0 climbs and returns); set it to 5 (Hold) or 4 (Land)"
         )
     timeout_s = parameters.get("COM_OF_LOSS_T")
-    if timeout_s is not None and timeout_s > 2.0:
+    if timeout_s is not None and timeout_s > _BLIND_MAX_S:
         findings.append(
             f"COM_OF_LOSS_T is {timeout_s:g} s: PX4 would fly on blindly for that long; set it to 1"
         )

@@ -64,12 +64,12 @@ def test_px4_must_stop_when_this_program_dies(action: float) -> None:
 
 @pytest.mark.parametrize("action", [4.0, 5.0])
 def test_hold_and_land_are_good_answers_to_a_dead_program(action: float) -> None:
-    assert parameter_findings({"COM_OBL_RC_ACT": action, "COM_OF_LOSS_T": 2.0}) == ()
+    assert parameter_findings({"COM_OBL_RC_ACT": action, "COM_OF_LOSS_T": 1.0}) == ()
 
 
 def test_an_unknown_or_slow_offboard_failsafe_is_found() -> None:
     assert "does not tell" in only(parameter_findings({}))
-    slow = parameter_findings({"COM_OBL_RC_ACT": 5.0, "COM_OF_LOSS_T": 2.5})
+    slow = parameter_findings({"COM_OBL_RC_ACT": 5.0, "COM_OF_LOSS_T": 1.01})
     assert "COM_OF_LOSS_T" in only(slow)
 
 
