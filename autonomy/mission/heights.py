@@ -24,6 +24,7 @@ NEAR_HEIGHT_M = 0.15
 """This near, the height of a goal is reached, should the guard not allow more."""
 SETTLED_M = 0.05
 CHANGE_TIMEOUT_S = 15.0
+"""So much longer than a steady climb takes may a change last."""
 BLIND_S = 2.0
 """So long the beam that looks where the vehicle moves may be silent before it turns back."""
 HERE_M = 0.3
@@ -56,6 +57,7 @@ class Heights:
         self._wanted_m: float | None = None
         self._came_from_m = self.present_m
         self._began_s = 0.0
+        self._limit_s = CHANGE_TIMEOUT_S
         self._seen_s = 0.0
         self._barred: deque[tuple[float, Point]] = deque(maxlen=PLACES_KEPT)
         self._looked: deque[tuple[float, Point]] = deque(maxlen=PLACES_KEPT)
@@ -145,6 +147,8 @@ class Heights:
         if math.isnan(self._began_s):
             self._began_s = self._seen_s = tick.now_s
             self._sensing.leave_height()
+            steady_s = abs(wanted_m - height_m) / self._config.planner.storeys.climb_m_s
+            self._limit_s = CHANGE_TIMEOUT_S + steady_s
         away_m = abs(wanted_m - height_m)
         if away_m <= SETTLED_M:
             return self._settle(tick, wanted_m)
@@ -170,8 +174,8 @@ class Heights:
             return f"something is {room.free_m:.2f} m {side}"
         if tick.now_s - self._seen_s > BLIND_S:
             return f"nothing measures what is {side}"
-        if tick.now_s - self._began_s > CHANGE_TIMEOUT_S:
-            return f"{wanted_m:.2f} m was not reached in {CHANGE_TIMEOUT_S:g} s"
+        if tick.now_s - self._began_s > self._limit_s:
+            return f"{wanted_m:.2f} m was not reached in {self._limit_s:.0f} s"
         return None
 
     def _give_up(self, tick: Tick, wanted_m: float, why: str) -> bool:

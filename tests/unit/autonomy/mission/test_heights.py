@@ -148,6 +148,27 @@ def test_the_first_climb_to_the_goals_height_is_made_in_place() -> None:
     assert lift.height_m == pytest.approx(1.0, abs=2.0 * SETTLED_M)
 
 
+def test_a_goal_many_metres_higher_is_climbed_to_however_long_that_takes() -> None:
+    high = Config.model_validate({"guard": {"altitude_max_m": 9.0}})
+    lift = begun(ceiling_m=10.0, config=high)
+    assert lift.heights.aim(1.0, 8.0)
+    lift.change()
+    assert lift.said == []
+    assert lift.heights.at_goals_height
+
+
+def test_a_climb_that_gets_nowhere_is_given_up() -> None:
+    lift = begun()
+    lift.heights.change_to(1.6)
+    began_s = lift.now_s
+    while not lift.said:
+        tick = lift.step()
+        lift.heights.change(tick)
+        lift.said += [event.why for event in tick.events]
+        assert lift.now_s - began_s < 18.0
+    assert lift.said == ["1.60 m was not reached in 17 s: back to 1.00 m"]
+
+
 def test_a_change_ends_at_the_storey_with_its_own_map() -> None:
     lift = begun()
     left = lift.sensing.map
