@@ -84,7 +84,8 @@ class StoreysConfig(Section):
     gain_m: NonNegative = 0.5
     """Another storey must be cheaper than the present one by this: no dither."""
     proof_clearance_m: Positive = 0.12
-    """Beyond the body: flights that only prove a height closed leave narrower passages alone."""
+    """Beyond the body: flights that only prove a height closed leave narrower passages alone; never
+    less than `hard_clearance_m`."""
     changes_max: int = Field(default=40, ge=0)
     """After so many changes of height a flight stays where it is."""
 

@@ -68,7 +68,7 @@ class Heights:
         self._open_at: Point | None = None
         self._retreats = 0
         # What is flown only to prove that there is no way needs no narrow passages.
-        wide_m = config.planner.storeys.proof_clearance_m
+        wide_m = max(config.planner.storeys.proof_clearance_m, config.planner.hard_clearance_m)
         wide = {"comfortable_clearance_m": wide_m, "hard_clearance_m": wide_m, "levels": 1}
         self._wide_planner = Planner(
             config.planner.model_copy(update=wide), config.body.radius_m, config.guard.fence

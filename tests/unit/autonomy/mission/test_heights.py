@@ -384,6 +384,17 @@ def test_in_a_narrow_place_no_height_is_looked_at_but_the_way_back_to_room() -> 
     assert lift.heights.retreat(lift.step(), open_here()) is None
 
 
+@pytest.mark.parametrize(("proof_m", "clearance_m"), [(0.12, 0.12), (0.01, 0.05)])
+def test_a_proof_is_flown_at_its_own_clearance_and_never_below_the_hard_one(
+    proof_m: float, clearance_m: float
+) -> None:
+    keys = {"planner": {"storeys": {"proof_clearance_m": proof_m}}}
+    lift = begun(config=Config.model_validate(keys))
+    plan = lift.heights.prove(lift.step(), GOAL, 0.09)
+    assert isinstance(plan, Plan)
+    assert plan.keep_out_m == pytest.approx(0.15 + clearance_m)
+
+
 def test_a_place_at_the_fence_is_a_narrow_one() -> None:
     lift = begun()
     lift.heights.note_place((-9.9, 0.0))
