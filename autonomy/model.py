@@ -70,7 +70,7 @@ class Environment(StrEnum):
     MIXED = "mixed"
 
 
-class Obstacle(msgspec.Struct, frozen=True):
+class Obstacle(msgspec.Struct, frozen=True, gc=False):
     """One connected component of hit points at the keep-out radius.
 
     (centre, radius_m) is its minimum enclosing circle; `hull` its convex hull, counter-clockwise

@@ -37,6 +37,10 @@ FLOOD_FROM = 32
 """With more active discs than this it pays to ask which discs the free space around start meets."""
 SQUARE_M = 0.25
 """Least side of a square of the spatial index."""
+MANY = 2000
+"""From this many points on the tree of boxes is quicker than Prim's algorithm (measured)."""
+LEAF = 8
+"""Points in a leaf of the tree of boxes (measured)."""
 
 FOUND, CLOSED, TOO_MANY, START_INSIDE, GOAL_INSIDE, BEATEN = 0, 1, 2, 3, 4, 5
 
@@ -296,11 +300,21 @@ def first_violation(path: Floats, points: Floats, keep_out: float) -> tuple[int,
 
 @kernel
 def spanning_tree(points: Floats) -> tuple[Ints, Ints, Floats]:
-    """Minimum spanning tree of points (Prim): (order, parent, gap).
+    """Minimum spanning tree of points: (order, parent, gap).
 
-    `order` lists the points as they joined, `parent[i]` is the one that i joined (-1 for the
-    first), `gap[i]` the distance between them.
+    `order` lists the points as they join from the first on, always the nearest one next,
+    `parent[i]` is the one that i joined (-1 for the first), `gap[i]` the distance between them.
+    Time is n log n from `MANY` points on. Where trees are equally long, which one comes out
+    depends on how many points there are; the lengths of its edges do not.
     """
+    if points.shape[0] < MANY:
+        return prim_tree(points)
+    return boxed_tree(points)
+
+
+@kernel
+def prim_tree(points: Floats) -> tuple[Ints, Ints, Floats]:
+    """`spanning_tree` with Prim's algorithm: quadratic, and the quickest one for a small map."""
     n = points.shape[0]
     order = np.empty(n, dtype=np.int64)
     parent = np.full(n, -1, dtype=np.int64)
@@ -332,6 +346,246 @@ def spanning_tree(points: Floats) -> tuple[Ints, Ints, Floats]:
                 best = near[k]
                 at = k
     return order, parent, gap
+
+
+@kernel
+def _every_second(bits: int) -> int:
+    """The lower 16 bits with a 0 before each of them."""
+    bits = (bits | (bits << 8)) & 0x00FF00FF
+    bits = (bits | (bits << 4)) & 0x0F0F0F0F
+    bits = (bits | (bits << 2)) & 0x33333333
+    return (bits | (bits << 1)) & 0x55555555
+
+
+@kernel
+def _along_z(points: Floats) -> Ints:
+    """Numbers of the points along Morton's curve: what follows each other is mostly near."""
+    n = points.shape[0]
+    corner_n, corner_e = points[:, 0].min(), points[:, 1].min()
+    wide = max(points[:, 0].max() - corner_n, points[:, 1].max() - corner_e)
+    scale = 65535.0 / wide if wide > 0.0 else 0.0
+    keys = np.empty(n, dtype=np.int64)
+    for k in range(n):
+        row = int((points[k, 0] - corner_n) * scale) & 0xFFFF
+        column = int((points[k, 1] - corner_e) * scale) & 0xFFFF
+        keys[k] = (((_every_second(row) << 1) | _every_second(column)) << 31) | k
+    keys.sort()
+    return keys & 0x7FFFFFFF
+
+
+@kernel
+def _boxes_of(points: Floats) -> Floats:
+    """Bounding boxes (low north, low east, high north, high east) of a tree over the points.
+
+    Node 1 is all of them, 2 k and 2 k + 1 are the halves of k. The last half of the nodes are
+    leaves of LEAF points that follow each other; a box without points is at infinity.
+    """
+    n = points.shape[0]
+    leaves = 1
+    while leaves * LEAF < n:
+        leaves *= 2
+    boxes = np.full((2 * leaves, 4), np.inf)
+    boxes[:, 2:] = -np.inf
+    for k in range(n):
+        box = boxes[leaves + k // LEAF]
+        box[0], box[2] = min(box[0], points[k, 0]), max(box[2], points[k, 0])
+        box[1], box[3] = min(box[1], points[k, 1]), max(box[3], points[k, 1])
+    for node in range(leaves - 1, 0, -1):
+        for side in range(2):
+            boxes[node, side] = min(boxes[2 * node, side], boxes[2 * node + 1, side])
+            boxes[node, 2 + side] = max(boxes[2 * node, 2 + side], boxes[2 * node + 1, 2 + side])
+    return boxes
+
+
+@kernel
+def _own_boxes(labels: Ints, owners: Ints) -> None:
+    """Set `owners` to the label that all points of a box have; -1: they differ, or none."""
+    leaves = owners.shape[0] // 2
+    owners[:] = -1
+    for leaf in range((labels.shape[0] + LEAF - 1) // LEAF):
+        label = labels[leaf * LEAF]
+        for k in range(leaf * LEAF, min(labels.shape[0], (leaf + 1) * LEAF)):
+            if labels[k] != label:
+                label = -1
+                break
+        owners[leaves + leaf] = label
+    for node in range(leaves - 1, 0, -1):
+        if owners[2 * node] == owners[2 * node + 1]:
+            owners[node] = owners[2 * node]
+
+
+@kernel
+def _box_distance2(boxes: Floats, node: int, n: float, e: float) -> float:
+    """Squared distance to a box: rounded as those to its points are, so never above them."""
+    dn = max(0.0, max(boxes[node, 0] - n, n - boxes[node, 2]))
+    de = max(0.0, max(boxes[node, 1] - e, e - boxes[node, 3]))
+    return float(dn * dn + de * de)
+
+
+@kernel
+def _nearest_stranger(
+    i: int, points: Floats, boxes: Floats, labels: Ints, owners: Ints, limit2: float, stack: Ints
+) -> tuple[float, int]:
+    """(squared distance, number) of the nearest point with another label than point i.
+
+    (limit2, -1) when none is nearer than that. From the leaf of i upwards, at every node the half
+    from which one did not come.
+    """
+    n, e, mine = points[i, 0], points[i, 1], labels[i]
+    leaves = boxes.shape[0] // 2
+    nearest, who = limit2, -1
+    climber = leaves + i // LEAF
+    node = climber
+    while True:
+        stack[0] = node
+        size = 1
+        while size > 0:
+            size -= 1
+            node = stack[size]
+            if owners[node] == mine or not _box_distance2(boxes, node, n, e) < nearest:
+                continue
+            if node >= leaves:
+                first = (node - leaves) * LEAF
+                for k in range(first, min(points.shape[0], first + LEAF)):
+                    dn, de = points[k, 0] - n, points[k, 1] - e
+                    d2 = dn * dn + de * de
+                    if d2 < nearest and labels[k] != mine:
+                        nearest, who = d2, k
+                continue
+            left, right = 2 * node, 2 * node + 1
+            if _box_distance2(boxes, left, n, e) < _box_distance2(boxes, right, n, e):
+                left, right = right, left
+            stack[size], stack[size + 1] = left, right
+            size += 2
+        if climber == 1:
+            return nearest, who
+        node = climber ^ 1
+        climber //= 2
+
+
+@kernel
+def _ways_out(
+    points: Floats, boxes: Floats, labels: Ints, owners: Ints, near2: Floats, by: Ints
+) -> Ints:
+    """(n, 2) ends of the shortest edge that leaves each component, in the row of its label.
+
+    `near2` and `by` are kept from round to round: no point outside i's component is nearer than
+    near2[i], and by[i] is that near if it is still outside (-1: not known).
+    """
+    n = points.shape[0]
+    least2 = np.full(n, np.inf)
+    edges = np.full((n, 2), -1, dtype=np.int64)
+    stack = np.empty(128, dtype=np.int64)
+    for i in range(n):
+        mine = labels[i]
+        if by[i] >= 0 and labels[by[i]] == mine:
+            by[i] = -1
+        if by[i] >= 0 and near2[i] < least2[mine]:
+            least2[mine] = near2[i]
+            edges[mine, 0], edges[mine, 1] = i, by[i]
+    for i in range(n):
+        mine = labels[i]
+        if by[i] >= 0 or near2[i] >= least2[mine]:
+            continue
+        near2[i], by[i] = _nearest_stranger(i, points, boxes, labels, owners, least2[mine], stack)
+        if by[i] >= 0:
+            least2[mine] = near2[i]
+            edges[mine, 0], edges[mine, 1] = i, by[i]
+            other = labels[by[i]]
+            if near2[i] < least2[other]:
+                least2[other] = near2[i]
+                edges[other, 0], edges[other, 1] = by[i], i
+    return edges
+
+
+@kernel
+def _root(above: Ints, label: int) -> int:
+    while above[label] != label:
+        above[label] = above[above[label]]
+        label = above[label]
+    return label
+
+
+@kernel
+def _edges_of_boxes(points: Floats) -> Ints:
+    """(n - 1, 2) edges of a minimum spanning tree of points that lie along Morton's curve; fewer
+    where distances are not finite.
+
+    Boruvka: every component takes its shortest way out, until there is one component. An edge
+    that would close a circle (equal lengths) is left out, which keeps the tree minimal: every
+    component on the way round has no shorter way out than that edge.
+    """
+    n = points.shape[0]
+    edges = np.empty((max(0, n - 1), 2), dtype=np.int64)
+    labels, above = np.arange(n), np.arange(n)
+    boxes = _boxes_of(points)
+    owners = np.empty(boxes.shape[0], dtype=np.int64)
+    near2, by = np.full(n, -1.0), np.full(n, -1, dtype=np.int64)
+    count, before = 0, -1
+    while before < count < n - 1:
+        before = count
+        _own_boxes(labels, owners)
+        ways = _ways_out(points, boxes, labels, owners, near2, by)
+        for k in range(n):
+            a, b = ways[k, 0], ways[k, 1]
+            if a < 0:
+                continue
+            one, other = _root(above, labels[a]), _root(above, labels[b])
+            if one != other:
+                above[max(one, other)] = min(one, other)
+                edges[count, 0], edges[count, 1] = a, b
+                count += 1
+        for k in range(n):
+            labels[k] = _root(above, labels[k])
+    return edges[:count]
+
+
+@kernel
+def _grown(points: Floats, edges: Ints) -> tuple[Ints, Ints, Floats]:
+    """(order, parent, gap) of a spanning tree's edges, as Prim's algorithm would find them."""
+    n = points.shape[0]
+    order = np.empty(n, dtype=np.int64)
+    parent = np.full(n, -1, dtype=np.int64)
+    gap = np.full(n, np.inf)
+    first = np.zeros(n + 2, dtype=np.int64)
+    for k in range(edges.shape[0]):
+        first[edges[k, 0] + 2] += 1
+        first[edges[k, 1] + 2] += 1
+    for k in range(2, n + 2):
+        first[k] += first[k - 1]
+    neighbours = np.empty(2 * edges.shape[0], dtype=np.int64)
+    for k in range(edges.shape[0]):
+        a, b = edges[k, 0], edges[k, 1]
+        neighbours[first[a + 1]], neighbours[first[b + 1]] = b, a
+        first[a + 1] += 1
+        first[b + 1] += 1
+    keys, items, size = _push(np.empty(64), np.empty(64, dtype=np.int64), 0, 0.0, 0)
+    for at in range(n):
+        i = items[0]
+        size -= 1
+        _sift_down(keys, items, size)
+        order[at] = i
+        for k in range(first[i], first[i + 1]):
+            j = neighbours[k]
+            if j != parent[i]:
+                dn, de = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+                parent[j], gap[j] = i, math.sqrt(dn * dn + de * de)
+                keys, items, size = _push(keys, items, size, gap[j], j)
+    return order, parent, gap
+
+
+@kernel
+def boxed_tree(points: Floats) -> tuple[Ints, Ints, Floats]:
+    """`spanning_tree` over a tree of boxes: n log n, wherever the points lie."""
+    n = points.shape[0]
+    along = _along_z(points) if n > 0 else np.empty(0, dtype=np.int64)
+    edges = _edges_of_boxes(points[along])
+    if edges.shape[0] < n - 1:
+        # Distances that are not finite: no nearest one.
+        return prim_tree(points)
+    for k in range(edges.shape[0]):
+        edges[k, 0], edges[k, 1] = along[edges[k, 0]], along[edges[k, 1]]
+    return _grown(points, edges)
 
 
 @kernel

@@ -566,6 +566,8 @@ def warm_up() -> None:
         geodesic((0.0, -2.0), (4.0, -0.9), wall, 0.2, polygon, 0.1, convex=convex)
     shortest_path((0.0, 0.0), (4.0, 0.1), wall, np.full(wall.shape[0], 0.2))
     Discs.of(wall, np.full(wall.shape[0], 0.2))
+    # No wall for a warm-up has enough hits for the tree of boxes: it is asked itself.
+    kernels.boxed_tree(wall)
     kernels.windings(polygon, wall)
     kernels.mark_near(polygon, wall, 0.2, np.zeros(wall.shape[0], dtype=np.uint8))
     kernels.exposed_arcs(wall, 0.2, polygon)

@@ -90,11 +90,29 @@ TARGETS: dict[str, Target] = {
         frozenset(
             {
                 "spanning_tree",
+                "prim_tree",
                 "cut_tree",
                 "sparse_chain",
                 "_cells",
                 "_take_overlapping",
                 "join_overlapping",
+            }
+        ),
+        interpreted=True,
+    ),
+    "boxed-tree-kernels": Target(
+        KERNELS,
+        (f"{T3DRM}/test_kernels_boxed_tree.py",),
+        frozenset(
+            {
+                "_boxes_of",
+                "_own_boxes",
+                "_box_distance2",
+                "_nearest_stranger",
+                "_ways_out",
+                "_edges_of_boxes",
+                "_grown",
+                "boxed_tree",
             }
         ),
         interpreted=True,

@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull
 from autonomy.config import PlannerConfig
 from autonomy.geometry import Point, distance
 from autonomy.model import Environment, ObstacleKind
+from autonomy.t3drm import kernels
 from autonomy.t3drm.classification import Classification, Linkage, Outlines, classify
 from autonomy.t3drm.hyperbolic import inside_hull
 
@@ -167,3 +168,19 @@ def test_hits_of_a_component_need_not_come_one_after_the_other() -> None:
         ((9.0, 0.0),),
     ]
     assert [o.centre[0] for o in found.obstacles] == pytest.approx([0.1, 5.05, 9.0], abs=0.02)
+
+
+def test_a_map_may_grow_beyond_many_without_another_tree() -> None:
+    points = np.random.default_rng(9).uniform(-20.0, 30.0, (kernels.MANY, 2))
+    for count in (kernels.MANY - 1, kernels.MANY):
+        found = kernels.spanning_tree(points[:count])
+        for mine, prims in zip(found, kernels.prim_tree(points[:count]), strict=True):
+            assert mine.tolist() == prims.tolist()
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 1e200])
+def test_where_distances_are_not_finite_prims_tree_is_taken(bad: float) -> None:
+    points = np.random.default_rng(10).uniform(-20.0, 30.0, (60, 2))
+    points[17, 1] = bad
+    for mine, prims in zip(kernels.boxed_tree(points), kernels.prim_tree(points), strict=True):
+        np.testing.assert_array_equal(mine, prims)

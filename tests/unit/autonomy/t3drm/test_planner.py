@@ -307,8 +307,16 @@ def _compiled_after_warm_up() -> list[str]:
     PLANNER.plan((0.0, 0.0), (5.0, 5.0), ring((5.0, 5.0), 0.8))
     PLANNER.plan((0.0, 0.0), (5.0, 5.0), np.array([(5.0, 5.1)]), tolerance_m=0.15)
     PLANNER.plan((0.0, 0.0), (5.0, 5.0), np.array([(2.5, 2.5), (2.55, 2.5)]))
+    PLANNER.plan((0.0, 0.0), (6.0, 6.0), many_hits())
     after = _compiled()
     return [name for name in after if after[name] != before[name]]
+
+
+def many_hits() -> Floats:
+    """Some hits in the way, and so many behind the goal that their tree is one of boxes."""
+    rng = np.random.default_rng(3)
+    far = rng.uniform((7.0, 7.0), (60.0, 60.0), (kernels.MANY, 2))
+    return np.concatenate((random_hits(1), far))
 
 
 def _compiled() -> dict[str, int]:
