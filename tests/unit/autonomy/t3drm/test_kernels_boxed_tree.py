@@ -16,6 +16,10 @@ from autonomy.t3drm.kernels import Floats
 def assert_is_a_shortest_tree(points: Floats) -> None:
     """A tree grown from the first point in Prim's order, with lengths as Prim's to the bit."""
     order, parent, gap = kernels.boxed_tree(points)
+    if len(points) > 0:
+        # Found by the boxes, not by falling back on Prim's algorithm.
+        edges = kernels._edges_of_boxes(points[kernels._along_z(points)])
+        assert edges.shape == (len(points) - 1, 2)
     assert sorted(order.tolist()) == list(range(len(points)))
     assert order[:1].tolist() == [0][: len(points)]
     place = {point: at for at, point in enumerate(order.tolist())}
