@@ -158,10 +158,10 @@ def jobs(flights: int, barn: Sequence[Map]) -> list[Callable[[], list[Step]]]:
 
 
 def together(groups: Sequence[Sequence[Step]]) -> tuple[Step, ...]:
-    """All steps; questions of flights with many hits count in a group of their own too."""
+    """All steps; questions of flights with many hits count in groups of their own too."""
     taken = sorted((step for group in groups for step in group), key=lambda s: s.group)
     many = [
-        dataclasses.replace(step, group=f"flights: {MANY_HITS} hits and more")
+        dataclasses.replace(step, group=f"{step.group}, {MANY_HITS} hits and more")
         for step in taken
         if step.group.startswith("flights") and step.hits >= MANY_HITS
     ]
