@@ -102,6 +102,7 @@ second). HEARTBEAT, which tells the mode as well, stays at 1 Hz: PX4 refuses ano
 """
 
 _AUTOPILOT_COMPONENT = 1  # MAV_COMP_ID_AUTOPILOT1
+_HEARTBEATS_WAITED_FOR = 2  # one a second
 _SET_MESSAGE_INTERVAL = 511
 _RUN_PREARM_CHECKS = 401
 _TEXTS_KEPT = 128
@@ -263,7 +264,7 @@ class MavsdkVehicle:
         _refuse_a_device_that_cannot_be_opened(self._config.connection)
         mavsdk = await loop.run_in_executor(worker, self._connect)
         system = await _first_autopilot(mavsdk)
-        _refuse_others_than_px4(system, self._config.connection)
+        await _refuse_others_than_px4(system, self._config.connection)
         self._system_id = system.get_system_id()
         self._forget_what_was_heard()
         link = await loop.run_in_executor(worker, self._plug_in, mavsdk, system)
@@ -838,8 +839,16 @@ def _refuse_a_device_that_cannot_be_opened(connection: str) -> None:
         ) from None
 
 
-def _refuse_others_than_px4(system: System, connection: str) -> None:
-    """Raise WrongAutopilot, naming what it is."""
+async def _refuse_others_than_px4(system: System, connection: str) -> None:
+    """Raise WrongAutopilot, naming what it is.
+
+    A companion computer's heartbeat may come first, and the library then takes the vehicle for
+    another one until the autopilot's own has come: two of those are waited for.
+    """
+    for _ in range(_HEARTBEATS_WAITED_FOR * 10):
+        if system.autopilot_type() is Autopilot.PX4:
+            return
+        await asyncio.sleep(0.1)
     kind = system.autopilot_type()
     if kind is not Autopilot.PX4:
         raise WrongAutopilot(

@@ -119,6 +119,37 @@ async def test_another_make_of_autopilot_is_named_and_refused() -> None:
         thread.join()
 
 
+async def test_a_companion_heard_before_the_autopilot_makes_no_other_vehicle_of_it() -> None:
+    late = EmbeddedPx4("empty", seed=0)
+    companion = mavlink.MAVLink(
+        None, srcSystem=1, srcComponent=mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+    )
+    beat_of_it = mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3
+    ).pack(companion)
+    stop = threading.Event()
+
+    def speak_first() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            while not stop.wait(0.05):
+                sender.sendto(beat_of_it, ("127.0.0.1", late.port))
+
+    vehicle = vehicle_on(late.connection)
+    thread = threading.Thread(target=speak_first)
+    thread.start()
+    try:
+        async with asyncio.TaskGroup() as tasks:
+            opening = tasks.create_task(vehicle.open(15.0))
+            await asyncio.sleep(0.7)
+            with late:
+                facts = await opening
+        assert facts.system_id == 1
+    finally:
+        stop.set()
+        thread.join()
+        await vehicle.close()
+
+
 async def test_setpoints_reach_the_wire_whole_and_newest_first_and_end_with_the_link(
     px4: EmbeddedPx4,
 ) -> None:
