@@ -6,7 +6,7 @@ GOAL ?= 4,3
 SCENARIO ?= default
 FLY ?= --goal $(GOAL) --sim $(SCENARIO)
 
-# Processes of the parallel tests. Integration tests run alone: they measure wall-clock time.
+# Processes of the tests. Integration tests come after the others: they fly in wall-clock time.
 JOBS ?= 2
 QUICK := tests/unit tests/contract tests/paper tests/architecture
 
@@ -21,7 +21,7 @@ fly: .venv/.core ## a simulated flight, from nothing: make fly [GOAL=4,3] [SCENA
 
 test: .venv/.dev ## the whole suite: unit, contract, paper, architecture, scenario, integration
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration" tests
-	$(BIN)/python -m pytest -q -m integration tests
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m integration tests
 
 test-fast: .venv/.dev ## what needs no flight: unit, contract, paper, architecture
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration" $(QUICK)
