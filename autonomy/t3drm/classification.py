@@ -28,9 +28,6 @@ class Linkage(msgspec.Struct, frozen=True):
     @classmethod
     def of(cls, points: Floats) -> "Linkage":
         """The tree of (n, 2) float64 points, O(n log n) for many."""
-        if points.shape[0] == 0:
-            empty = np.empty(0, dtype=np.int64)
-            return cls(points, empty, empty, np.empty(0))
         return cls(points, *kernels.spanning_tree(points))
 
     def labels(self, keep_out_m: float) -> tuple[Ints, int]:

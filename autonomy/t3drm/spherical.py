@@ -172,12 +172,9 @@ def tangent_cone(
     angle = touch_angle(radius_m, away)
     a = (axis[0] / away, axis[1] / away, axis[2] / away)
     flat = math.hypot(a[0], a[1])
-    side = (-a[1] / flat, a[0] / flat, 0.0) if flat > 1e-12 else (1.0, 0.0, 0.0)
-    third = (
-        a[1] * side[2] - a[2] * side[1],
-        a[2] * side[0] - a[0] * side[2],
-        a[0] * side[1] - a[1] * side[0],
-    )
+    # Two directions across the axis: the first one in the plane.
+    side = (-a[1] / flat, a[0] / flat) if flat > 1e-12 else (1.0, 0.0)
+    third = (-a[2] * side[1], a[2] * side[0], a[0] * side[1] - a[1] * side[0])
     length = away * math.cos(angle)
     along_axis, off_axis = length * math.cos(angle), length * math.sin(angle)
     points = []
@@ -188,7 +185,7 @@ def tangent_cone(
             (
                 drone_ned_m[0] + along_axis * a[0] + c * side[0] + s * third[0],
                 drone_ned_m[1] + along_axis * a[1] + c * side[1] + s * third[1],
-                drone_ned_m[2] + along_axis * a[2] + c * side[2] + s * third[2],
+                drone_ned_m[2] + along_axis * a[2] + s * third[2],
             )
         )
     return tuple(points)

@@ -42,9 +42,13 @@ def main() -> int:
 
 def table(scores: list[Score]) -> str:
     """The scores as a Markdown table."""
-    rows = ["| target | mutants | killed | equivalent | score |", "|---|---|---|---|---|"]
+    rows = [
+        "| target | mutants | killed | equivalent | score | comparisons and signs |",
+        "|---|---|---|---|---|---|",
+    ]
     rows += [
-        f"| {s.target} | {s.mutants} | {s.killed} | {s.equivalent} | {100.0 * s.share:.1f} % |"
+        f"| {s.target} | {s.mutants} | {s.killed} | {s.equivalent} "
+        f"| {100.0 * s.share:.1f} % | {100.0 * s.share_of_decisions:.1f} % |"
         for s in scores
     ]
     return "\n".join(rows)

@@ -45,9 +45,14 @@ class Collected:
     foreign modules.
     """
 
-    def __init__(self, voice: Connection, module: Path, place: Path, original: str) -> None:
-        """`module`: the file relative to the tree at `place`, which has the source `original`."""
-        self._voice = voice
+    def __init__(
+        self, ends: tuple[Connection, Connection], module: Path, place: Path, original: str
+    ) -> None:
+        """`module`: the file relative to the tree at `place`, which has the source `original`.
+
+        ends: of a pipe, that of who asks and that of who answers. Answering ends with the other.
+        """
+        self._ear, self._voice = ends
         self._name = ".".join(module.with_suffix("").parts)
         self._file = str(place / module)
         self._place = place
@@ -60,6 +65,7 @@ class Collected:
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> None:
         """Serve; returns, in a child only, to let pytest run all tests as they are."""
+        self._ear.close()
         self._voice.send(foreign_modules(self._place))
         if self._is_noting():
             return
@@ -118,8 +124,9 @@ class Collected:
         for number in (signal.SIGPROF, signal.SIGALRM):
             signal.signal(number, signal.SIG_DFL)
         while True:
-            asked = self._voice.recv()
-            if asked is None:
+            try:
+                asked = self._voice.recv()
+            except EOFError:
                 os._exit(0)
             self._voice.send(self._answer(session, *asked))
 

@@ -39,6 +39,7 @@ OPERATORS = frozenset(
     )
 )
 """Each comparison to its border, its negation and its mirror; each sign turned; constants +-1."""
+DECISIONS = ("ReplaceComparison", "ReplaceBinary", "ReplaceUnary", "ReplaceAnd", "ReplaceOr")
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,8 @@ class Mutant:
 
     definition: str
     line: int
+    is_decision: bool
+    """A comparison, sign or and/or; else a number, a flag or a loop."""
     begin: int
     end: int
     text: str
@@ -88,9 +91,12 @@ def mutated(source: str, mutant: Mutant) -> Mutated:
 def _all_mutants(source: str) -> Iterator[Mutant]:
     tree = get_ast(source)
     begins = _beginnings(tree)
-    operators = [get_operator(name)() for name in sorted(OPERATORS)]
+    operators = [
+        (get_operator(name)(), name.removeprefix("core/").startswith(DECISIONS))
+        for name in sorted(OPERATORS)
+    ]
     for node in ast_nodes(tree):
-        for operator in operators:
+        for operator, is_decision in operators:
             for index, ((row, _), _) in enumerate(operator.mutation_positions(node)):
                 # Its parents stay what they are: only this much is copied and mutated.
                 other = operator.mutate(copy.deepcopy(node, {id(node.parent): node.parent}), index)
@@ -99,7 +105,7 @@ def _all_mutants(source: str) -> Iterator[Mutant]:
                 # The bare * of a signature is taken for a product.
                 if not source.startswith("*,", begin + len(node.get_first_leaf().prefix)):
                     definition = ASTQuery(node).get_definition_name() or "module"
-                    yield Mutant(definition, row, begin, end, other.get_code())
+                    yield Mutant(definition, row, is_decision, begin, end, other.get_code())
 
 
 def _beginnings(tree: Any) -> dict[int, int]:

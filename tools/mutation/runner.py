@@ -24,6 +24,7 @@ class Verdict:
     where: str
     change: str
     killed: bool
+    is_decision: bool = True
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class Score:
     killed: int
     equivalent: int
     survivors: tuple[Verdict, ...]
+    decisions_killed: int = 0
+    """Of comparisons, signs and and/or alone."""
 
     @property
     def mutants(self) -> int:
@@ -44,6 +47,12 @@ class Score:
     def share(self) -> float:
         """Killed of those; 1 when there are none."""
         return self.killed / self.mutants if self.mutants else 1.0
+
+    @property
+    def share_of_decisions(self) -> float:
+        """The same for comparisons, signs and and/or alone."""
+        alive = sum(survivor.is_decision for survivor in self.survivors)
+        return self.decisions_killed / (self.decisions_killed + alive) if alive else 1.0
 
 
 class Worker:
@@ -57,7 +66,7 @@ class Worker:
         """Mutate and test."""
         made = mutated(self._tree.original, mutant)
         killed = not self._tree.passes(made.source, made.lines)
-        return Verdict(f"{self._module}:{mutant.line}", made.change, killed)
+        return Verdict(f"{self._module}:{mutant.line}", made.change, killed, mutant.is_decision)
 
 
 _worker: list[Worker] = []
@@ -106,7 +115,7 @@ def score_of(
             for done in as_completed([pool.submit(_verdict_on, mutant) for mutant in mutants]):
                 verdict = done.result()
                 verdicts.append(verdict)
-                if not verdict.killed and verdict.change not in target.equivalent:
+                if not verdict.killed and not target.is_equivalent(verdict.change):
                     at = f"{len(verdicts)} of {len(mutants)}"
                     tell(f"{name} ({at}) {verdict.where}  {verdict.change}")
     return judged(name, target, verdicts)
@@ -115,10 +124,11 @@ def score_of(
 def judged(name: str, target: Target, verdicts: list[Verdict]) -> Score:
     """The score of all verdicts, those of equivalent mutants apart."""
     survivors = sorted((v for v in verdicts if not v.killed), key=lambda v: (v.where, v.change))
-    same = [v for v in survivors if v.change in target.equivalent]
+    same = [v for v in survivors if target.is_equivalent(v.change)]
     return Score(
         target=name,
         killed=sum(v.killed for v in verdicts),
         equivalent=len(same),
         survivors=tuple(v for v in survivors if v not in same),
+        decisions_killed=sum(v.killed and v.is_decision for v in verdicts),
     )

@@ -22,6 +22,42 @@ class Target:
     interpreted: bool = False
     equivalent: dict[str, str] = field(default_factory=dict)
     """Mutants that compute the same: "function: old line -> new line" and why."""
+    flat: frozenset[str] = frozenset()
+    """Names of one-dimensional arrays: their shape[0] is shape[-1]."""
+
+    def is_equivalent(self, change: str) -> bool:
+        """Whether the mutant is known to compute the same."""
+        old, _, new = change.partition(": ")[2].partition(" -> ")
+        return change in self.equivalent or any(
+            old.replace(f"{name}.shape[0]", f"{name}.shape[ -1]", 1) == new
+            for name in self.flat
+            if f"{name}.shape[0]" in old
+        )
+
+
+FLAT = frozenset(
+    (
+        *("labels", "members", "first", "order", "counts", "active", "chain", "flags", "radii"),
+        *("near", "found", "keys", "came", "heads", "ids", "edges", "gap", "parent"),
+    )
+)
+"""One-dimensional arrays of the kernels, by the names that they have everywhere."""
+
+
+def _kernels(tests: str, *definitions: str) -> Target:
+    """Kernels and their tests."""
+    return Target(
+        KERNELS,
+        (f"{T3DRM}/test_kernels_{tests}.py",),
+        frozenset(definitions),
+        interpreted=True,
+        flat=FLAT,
+    )
+
+
+def _same(reason: str, line: str, *mutants: str) -> dict[str, str]:
+    """Mutants of one line ("function: old line") that compute the same."""
+    return {f"{line} -> {mutant}": reason for mutant in mutants}
 
 
 TARGETS: dict[str, Target] = {
@@ -36,154 +72,94 @@ TARGETS: dict[str, Target] = {
     "classification": Target(
         Path("autonomy/t3drm/classification.py"),
         (f"{T3DRM}/test_classification.py",),
-        interpreted=True,
+        flat=frozenset({"self.edge_m"}),
     ),
     "hyperbolic": Target(
         Path("autonomy/t3drm/hyperbolic.py"),
         (f"{T3DRM}/test_hyperbolic.py",),
         interpreted=True,
+        equivalent=_same(
+            "more than 0, unless rounding makes it negative and huge; 1e9 is any large number",
+            "fly_by: if not 0.0 <= eccentricity < 1e9:",
+            "if not -1.0 <= eccentricity < 1e9:",
+            "if not 0.0 < eccentricity < 1e9:",
+            "if not 0.0 <= eccentricity <= 1e9:",
+            "if not 0.0 <= eccentricity < 1000000001.0:",
+            "if not 0.0 <= eccentricity < 999999999.0:",
+        ),
     ),
     "spherical": Target(
         Path("autonomy/t3drm/spherical.py"),
         (f"{T3DRM}/test_tangents.py",),
         interpreted=True,
+        equivalent=_same(
+            "a cosine does not mind the sign",
+            "polyline: outer = self.radius_m / math.cos(0.5 * step)",
+            "outer = self.radius_m / math.cos( -0.5 * step)",
+        )
+        | _same(
+            "both are vectors of three",
+            "tangent_cone: axis = tuple(c - d for c, d in "
+            "zip(centre_ned_m, drone_ned_m, strict=True))",
+            "axis = tuple(c - d for c, d in zip(centre_ned_m, drone_ned_m, strict=False))",
+        ),
+        flat=frozenset({"radii"}),
     ),
-    "conic-kernels": Target(
-        KERNELS,
-        (f"{T3DRM}/test_kernels_conic.py",),
-        frozenset({"eccentricity", "fly_by_anomaly", "sample_conic"}),
-        interpreted=True,
+    "conic-kernels": _kernels("conic", "eccentricity", "fly_by_anomaly", "sample_conic"),
+    "outline-kernels": _kernels(
+        "outline",
+        *("_turn", "convex_hull", "_circle_of_two", "_circle_of_three", "_outside"),
+        *("enclosing_circle", "regularity", "describe"),
+        *("by_label", "outlines", "regularities_and_deaths"),
+    ),
+    "component-kernels": _kernels(
+        "components",
+        "prim_tree",
+        "cut_tree",
+        "sparse_chain",
+        "_take_overlapping",
+        "join_overlapping",
+    ),
+    "tangent-kernels": _kernels(
+        "tangents",
+        *("segment_distance2", "tangent", "ahead", "_crosses", "_edge_is_free", "_overlap"),
+        *("_bar", "_barred_bearings", "_reach", "_sift_up", "_sift_down", "_push"),
+        *("_lay_tangent", "_arrival", "_dominated", "_remember"),
+        *("_depth", "_box_of", "_inside_which"),
+    ),
+    "route-kernels": _kernels(
+        "routes",
+        *("_lay_all", "solve_tangents", "_wider", "_chain", "_rows", "_activate"),
+        *("_note_cut", "_deepest_cuts", "_add_chain", "_buried", "_circles_of"),
+        *("_add_cut_discs", "lazy_route", "route_from_scratch"),
+    ),
+    "square-kernels": _kernels(
+        "squares", "into_squares", "_strip", "_columns_of", "points_near", "segment_is_free"
     ),
     "guard": Target(
         Path("hal/vehicle/guard.py"),
         tuple(f"{GUARD}{part}.py" for part in ("", "_surfaces", "_borders", "_flights")),
-        equivalent=dict.fromkeys(
-            (
-                "__init__: self._fence_at = (0.0, 0.0) -> self._fence_at = ( -1.0, 0.0)",
-                "__init__: self._fence_at = (0.0, 0.0) -> self._fence_at = ( 1.0, 0.0)",
-                "__init__: self._fence_at = (0.0, 0.0) -> self._fence_at = (0.0, -1.0)",
-                "__init__: self._fence_at = (0.0, 0.0) -> self._fence_at = (0.0, 1.0)",
-            ),
+        equivalent=_same(
             "any place will do: the distance that is remembered is computed for it",
+            "__init__: self._fence_at = (0.0, 0.0)",
+            *("self._fence_at = ( -1.0, 0.0)", "self._fence_at = ( 1.0, 0.0)"),
+            *("self._fence_at = (0.0, -1.0)", "self._fence_at = (0.0, 1.0)"),
+        )
+        | _same(
+            "where nothing is allowed both ways give nothing; equal is no limit",
+            "_vertical: if allowed * effective >= 0.0 and abs(allowed) < abs(effective):",
+            "if allowed * effective > 0.0 and abs(allowed) < abs(effective):",
+            "if allowed * effective >= 0.0 and abs(allowed) <= abs(effective):",
+        )
+        | _same(
+            "only saves making an equal setpoint",
+            "_vertical: if reason is None and rise == -offset[2]:",
+            "if reason is None and rise == +offset[2]:",
+        )
+        | _same(
+            "then the distance is computed anew",
+            "_fence_distance_m: if self._fence_inside_m - travelled_m >= reach_m:",
+            "if self._fence_inside_m - travelled_m > reach_m:",
         ),
-    ),
-    "outline-kernels": Target(
-        KERNELS,
-        (f"{T3DRM}/test_kernels_outline.py",),
-        frozenset(
-            {
-                "_turn",
-                "convex_hull",
-                "_circle_of_two",
-                "_circle_of_three",
-                "_outside",
-                "enclosing_circle",
-                "regularity",
-                "describe",
-            }
-        ),
-        interpreted=True,
-    ),
-    "component-kernels": Target(
-        KERNELS,
-        (f"{T3DRM}/test_kernels_components.py",),
-        frozenset(
-            {
-                "spanning_tree",
-                "prim_tree",
-                "cut_tree",
-                "sparse_chain",
-                "_cells",
-                "_take_overlapping",
-                "join_overlapping",
-            }
-        ),
-        interpreted=True,
-    ),
-    "boxed-tree-kernels": Target(
-        KERNELS,
-        (f"{T3DRM}/test_kernels_boxed_tree.py",),
-        frozenset(
-            {
-                "_boxes_of",
-                "_own_boxes",
-                "_box_distance2",
-                "_nearest_stranger",
-                "_ways_out",
-                "_edges_of_boxes",
-                "_grown",
-                "boxed_tree",
-            }
-        ),
-        interpreted=True,
-    ),
-    "tangent-kernels": Target(
-        KERNELS,
-        (f"{T3DRM}/test_kernels_tangents.py", f"{T3DRM}/test_kernels_routes.py"),
-        frozenset(
-            {
-                "segment_distance2",
-                "tangent",
-                "ahead",
-                "_crosses",
-                "_edge_is_free",
-                "_overlap",
-                "_bar",
-                "_barred_bearings",
-                "_reach",
-                "_sift_up",
-                "_sift_down",
-                "_push",
-                "_lay_tangent",
-                "_arrival",
-                "_dominated",
-                "_remember",
-            }
-        ),
-        interpreted=True,
-    ),
-    "route-kernels": Target(
-        KERNELS,
-        (f"{T3DRM}/test_kernels_tangents.py", f"{T3DRM}/test_kernels_routes.py"),
-        frozenset(
-            {
-                "_lay_all",
-                "solve_tangents",
-                "_wider",
-                "_chain",
-                "_rows",
-                "_depth",
-                "_box_of",
-                "_activate",
-                "_note_cut",
-                "_deepest_cuts",
-                "_add_chain",
-                "_inside_which",
-                "_buried",
-                "_circles_of",
-                "_add_cut_discs",
-                "lazy_route",
-                "route_from_scratch",
-            }
-        ),
-        interpreted=True,
-    ),
-    "label-kernels": Target(
-        KERNELS,
-        (f"{T3DRM}/test_classification.py",),
-        frozenset({"by_label", "outlines", "regularities_and_deaths"}),
-        interpreted=True,
-    ),
-    "square-kernels": Target(
-        KERNELS,
-        (f"{T3DRM}/test_kernels_squares.py",),
-        frozenset({"into_squares", "_strip", "_columns_of", "points_near", "segment_is_free"}),
-        interpreted=True,
-    ),
-    "flood-kernels": Target(
-        KERNELS,
-        (f"{T3DRM}/test_kernels_flood.py",),
-        frozenset({"_window", "_covered", "_spread", "_meets_free", "_set_aside", "_take_back"}),
-        interpreted=True,
     ),
 }

@@ -53,7 +53,7 @@ class Tree:
         # Also compiles what numba keeps.
         _run_once(place, tests)
         self._ear, voice = _fork.Pipe()
-        collected = Collected(voice, module, place, self.original)
+        collected = Collected((self._ear, voice), module, place, self.original)
         self._server = _fork.Process(target=_serve, args=(place, tests, collected), daemon=True)
         self._server.start()
         # Only the server holds it now: where that ends, this process hears of it.
@@ -77,7 +77,7 @@ class Tree:
 
     def close(self) -> None:
         """End the process that collected the tests."""
-        self._ear.send(None)
+        self._ear.close()
         self._server.join()
 
     def _ask(self, source: str, lines: frozenset[int]) -> tuple[bool | None, float]:

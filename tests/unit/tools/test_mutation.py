@@ -116,23 +116,35 @@ def test_a_weak_test_is_told_by_the_mutant_that_it_does_not_notice(project: Path
 def test_equivalent_mutants_are_counted_apart() -> None:
     verdicts = [Verdict("m:1", "f: a -> b", True), Verdict("m:2", "f: c -> d", False)]
     target = Target(MODULE, (), equivalent={"f: c -> d": "both are 0 there"})
-    assert judged("signs", target, verdicts) == Score("signs", 1, 1, ())
+    assert judged("signs", target, verdicts) == Score("signs", 1, 1, (), 1)
     bare = judged("signs", Target(MODULE, ()), verdicts)
     assert (bare.share, bare.mutants, bare.survivors) == (0.5, 2, (verdicts[1],))
 
 
+def test_the_last_dimension_of_a_flat_array_is_its_first() -> None:
+    target = Target(MODULE, (), flat=frozenset({"counts"}))
+    line = "f: for k in range(counts.shape[0], places.shape[0]):"
+    assert target.is_equivalent(f"{line} -> for k in range(counts.shape[ -1], places.shape[0]):")
+    assert not target.is_equivalent(
+        f"{line} -> for k in range(counts.shape[0], places.shape[ -1]):"
+    )
+    assert not target.is_equivalent(f"{line} -> for k in range(counts.shape[ 1], places.shape[0]):")
+
+
 def test_an_equivalent_mutant_that_is_killed_counts_as_killed() -> None:
     target = Target(MODULE, (), equivalent={"f: a -> b": "wrongly"})
-    assert judged("signs", target, [Verdict("m:1", "f: a -> b", True)]) == Score("signs", 1, 0, ())
+    assert judged("signs", target, [Verdict("m:1", "f: a -> b", True)]) == Score(
+        "signs", 1, 0, (), 1
+    )
 
 
 def test_the_table_has_a_row_for_every_target() -> None:
     survivor = Verdict("m:1", "f: a -> b", False)
-    assert table([Score("signs", 3, 2, (survivor,)), Score("none", 0, 0, ())]).splitlines() == [
-        "| target | mutants | killed | equivalent | score |",
-        "|---|---|---|---|---|",
-        "| signs | 4 | 3 | 2 | 75.0 % |",
-        "| none | 0 | 0 | 0 | 100.0 % |",
+    assert table([Score("signs", 3, 2, (survivor,), 1), Score("none", 0, 0, ())]).splitlines() == [
+        "| target | mutants | killed | equivalent | score | comparisons and signs |",
+        "|---|---|---|---|---|---|",
+        "| signs | 4 | 3 | 2 | 75.0 % | 50.0 % |",
+        "| none | 0 | 0 | 0 | 100.0 % | 100.0 % |",
     ]
 
 

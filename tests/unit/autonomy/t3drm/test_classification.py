@@ -159,6 +159,18 @@ def test_components_come_with_their_own_hits_deaths_and_regularity() -> None:
     assert found.persistence == pytest.approx((0.05, 0.15, 0.15, 0.15, 0.2, 0.25, math.inf))
 
 
+def test_outlines_hold_the_corners_of_every_component() -> None:
+    hits = ((0.0, 0.0), (0.2, 0.0), (0.1, 0.01), (0.1, 0.2), (5.0, 5.0), (7.0, 7.0), (7.1, 7.0))
+    linkage = Linkage.of(np.array(hits))
+    outlines = Outlines.of(linkage, 0.2, 0.35)
+    assert outlines.count == 3
+    assert [outlines.hull_of(label).tolist() for label in range(3)] == [[0, 1, 3], [4], [5, 6]]
+    assert outlines.members.tolist() == [0, 1, 2, 3, 4, 5, 6]
+    assert outlines.first.tolist() == [0, 4, 5, 7]
+    assert outlines.corner.tolist() == [0, 3, 4, 6]
+    assert outlines.rows.shape == (3, 4)
+
+
 def test_hits_of_a_component_need_not_come_one_after_the_other() -> None:
     hits = ((0.0, 0.0), (5.0, 0.0), (0.1, 0.0), (5.1, 0.0), (9.0, 0.0), (0.2, 0.1))
     found = classify(hits, 0.2, CONFIG)

@@ -148,6 +148,19 @@ def test_discs_in_squares_that_only_touch_at_a_corner_are_joined() -> None:
     assert labels.tolist() == [0, 0, 1, 2]
 
 
+def test_the_chain_goes_on_with_the_disc_that_overlaps_least() -> None:
+    # From 0: 1 overlaps it by less than 2 does, though 2 is farther; 3 overlaps both of them.
+    rows = [(0.0, 0.0, 1.0), (1.5, 0.0, 1.0), (1.6, 0.0, 2.0), (2.9, 0.0, 0.5)]
+    for order in ((0, 1, 2, 3), (0, 2, 1, 3)):
+        _, chain = kernels.join_overlapping(*discs(*(rows[k] for k in order)))
+        assert [order[k] for k in np.flatnonzero(chain)] == [0, 1]
+
+
+def test_no_discs_have_no_components() -> None:
+    labels, chain = kernels.join_overlapping(*discs())
+    assert labels.shape == chain.shape == (0,)
+
+
 def test_one_disc_is_its_own_component_and_chain() -> None:
     labels, chain = kernels.join_overlapping(*discs((5.0, -3.0, 0.2)))
     assert (labels.tolist(), chain.tolist()) == ([0], [1])

@@ -96,6 +96,11 @@ def test_every_point_is_inside_a_hull_that_turns_one_way_only(cloud: Floats) -> 
         (((4.0, 4.0), (1.0, 1.0), (0.0, 0.0)), (2.0, 2.0, 2.0 * math.sqrt(2.0))),
         (((1.0, 1.0), (4.0, 4.0), (0.0, 0.0)), (2.0, 2.0, 2.0 * math.sqrt(2.0))),
         (((2.0, 2.0), (2.0, 2.0)), (2.0, 2.0, 0.0)),
+        # Near each other; and the first where the second's coordinates are equal.
+        (((2.0, 2.0), (2.5, 2.0)), (2.25, 2.0, 0.25)),
+        (((3.0, 3.0), (3.0, 7.0)), (3.0, 5.0, 2.0)),
+        (((7.0, 7.0), (3.0, 7.0)), (5.0, 7.0, 2.0)),
+        (((0.0, 0.0), (0.08, 0.0), (0.04, 0.08)), (0.04, 0.03, 0.05)),
     ],
 )
 def test_the_smallest_circle(rows: tuple[tuple[float, float], ...], circle: Circle) -> None:
@@ -144,6 +149,9 @@ def test_what_is_on_a_circle_is_not_outside_of_it() -> None:
     assert not kernels._outside(circle, np.array((4.0, 6.0)))
     assert not kernels._outside(circle, np.array((4.0, 6.0 + 4e-12)))
     assert kernels._outside(circle, np.array((4.0, 6.0 + 1e-10)))
+    edge = 5.0 * (1.0 + 1e-12) + 1e-12
+    assert not kernels._outside((0.0, 0.0, 5.0), np.array((edge, 0.0)))
+    assert kernels._outside((0.0, 0.0, 5.0), np.array((math.nextafter(edge, 9.0), 0.0)))
     assert not kernels._outside((1.0, 2.0, 0.0), np.array((1.0, 2.0)))
 
 
@@ -191,7 +199,64 @@ def test_only_the_members_are_described_and_by_their_own_numbers() -> None:
     assert linearity == 1.0
 
 
+def test_one_two_and_equal_members() -> None:
+    cloud = points((9.0, 8.0), (3.0, 4.0), (3.0, 4.0), (3.3, 4.4))
+    hull, *rest = kernels.describe(cloud, np.array((1,)))
+    assert (hull.tolist(), rest) == ([1], [3.0, 4.0, 0.0, 0.0])
+    hull, *rest = kernels.describe(cloud, np.array((1, 3)))
+    assert hull.tolist() == [1, 3]
+    assert rest == pytest.approx([3.15, 4.2, 0.25, 1.0])
+    _, *rest = kernels.describe(cloud, np.array((1, 2)))
+    assert rest == [3.0, 4.0, 0.0, 0.0]
+
+
+def test_a_small_rectangle_has_the_same_linearity() -> None:
+    cloud = points((0.04, 0.02), (-0.04, 0.02), (-0.04, -0.02), (0.04, -0.02))
+    assert kernels.describe(cloud, everyone(4))[4] == pytest.approx(0.75)
+
+
 def test_one_point_and_a_cross_have_no_direction() -> None:
     cloud = points((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
     assert kernels.describe(cloud, everyone(4))[4] == 0.0
     assert kernels.describe(cloud, everyone(1))[4] == 0.0
+
+
+# ---------------------------------------------------------------- components
+
+
+def test_members_come_by_label_and_in_their_order() -> None:
+    members, first = kernels.by_label(np.array((2, 0, 2, 3, 0, 2)), 4)
+    assert members.tolist() == [1, 4, 0, 2, 5, 3]
+    assert first.tolist() == [0, 2, 2, 5, 6]
+    none, nothing = kernels.by_label(np.empty(0, dtype=np.int64), 0)
+    assert (none.tolist(), nothing.tolist()) == ([], [0])
+
+
+def test_outlines_come_component_by_component() -> None:
+    cloud = points((0, 0), (4, 2), (9, 9), (0, 2), (4, 0), (2, 1))
+    members, first = np.array((0, 1, 3, 4, 5, 2)), np.array((0, 5, 6))
+    hulls, corner, rows = kernels.outlines(cloud, members, first)
+    assert hulls.tolist() == [0, 4, 1, 3, 2]
+    assert corner.tolist() == [0, 4, 5]
+    # Variances 16 and 4 of the rectangle's corners.
+    assert rows.tolist() == [
+        pytest.approx([2.0, 1.0, math.sqrt(5.0), 0.75]),
+        [9.0, 9.0, 0.0, 0.0],
+    ]
+
+
+def test_a_death_is_half_of_the_shortest_edge_to_another_component() -> None:
+    # A chain of six points, joined below 0.4: (0, 1, 2), (3, 4), (5).
+    parent = np.array((-1, 0, 1, 2, 3, 4))
+    edges = np.array((math.inf, 0.1, 0.3, 0.5, 0.2, 0.4))
+    labels = np.array((0, 0, 0, 1, 1, 2))
+    rows = kernels.regularities_and_deaths(
+        parent, edges, labels, np.arange(6), np.array((0, 3, 5, 6)), 0.4
+    )
+    # Edges 0.1 and 0.3: mean 0.2, deviation 0.1; 0.2 alone; none.
+    assert rows[:, 0].tolist() == pytest.approx([1.0 / 1.5, 1.0, 0.0])
+    assert rows[:, 1].tolist() == pytest.approx([0.25, 0.2, 0.2])
+    alone = kernels.regularities_and_deaths(
+        parent[:2], edges[:2], labels[:2], np.arange(2), np.array((0, 2)), 0.4
+    )
+    assert alone.tolist() == [[1.0, math.inf]]

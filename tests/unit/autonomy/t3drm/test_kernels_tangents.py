@@ -100,7 +100,7 @@ def test_the_tangent_of_two_oriented_circles(
 def test_circles_without_a_tangent(
     first: tuple[float, float, float], second: tuple[float, float, float]
 ) -> None:
-    assert not kernels.tangent(*first, *second)[0]
+    assert kernels.tangent(*first, *second) == (False, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("overlap_m", [0.0, 5e-8])

@@ -150,6 +150,16 @@ def test_an_arcs_polyline_is_circumscribed() -> None:
         assert arc.length_m == pytest.approx(math.radians(abs(sweep_deg)))
 
 
+def test_an_arcs_polyline_has_as_few_corners_as_its_sagitta_allows() -> None:
+    # Corners 1 / cos 15 from the centre: 30 degrees each.
+    sagitta_m = 1.0 / math.cos(math.radians(15.0)) - 1.0
+    for sweep_deg, corners in ((29.9, 1), (30.1, 2), (100.0, 4), (179.0, 6), (-181.0, 7)):
+        sweep = math.radians(sweep_deg)
+        end = (math.cos(sweep), math.sin(sweep))
+        arc = Arc((1.0, 0.0), end, (0.0, 0.0), 1.0, sweep, 0)
+        assert len(arc.polyline(sagitta_m)) == corners + 2
+
+
 def test_the_length_of_an_arc_is_its_radius_times_its_angle() -> None:
     assert Arc((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 2.0, -1.5, 0).length_m == 3.0
     assert Segment((1.0, 2.0), (4.0, 6.0)).length_m == 5.0
@@ -186,6 +196,20 @@ def test_a_dent_of_more_than_a_nanometre_is_not_convex() -> None:
     for dent, convex in ((-1e-3, True), (0.0, True), (1e-10, True), (1e-8, False), (0.3, False)):
         polygon = ((0.0, 0.0), (1.0, dent), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
         assert (fence_planes(polygon) is not None) is convex
+
+
+@pytest.mark.parametrize("middle", [(0.0, 0.0), (9.0, -7.0), (-4.0, -30.0), (0.5, 20.0)])
+@pytest.mark.parametrize("corners", [3, 5, 8])
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_a_regular_fence_holds_its_middle_wherever_it_stands(
+    middle: Point, corners: int, sense: float
+) -> None:
+    turns = [sense * math.tau * k / corners for k in range(corners)]
+    planes = fence_planes(tuple((middle[0] + math.cos(t), middle[1] + math.sin(t)) for t in turns))
+    assert planes is not None
+    inner = math.cos(math.pi / corners)
+    for a, b, c in planes.tolist():
+        assert a * middle[0] + b * middle[1] - c == pytest.approx(inner)
 
 
 def test_a_corner_twice_is_no_fence() -> None:

@@ -462,6 +462,19 @@ def test_exactly_at_the_limit_a_beam_is_not_near(
     assert verdict.limits == ((g.CEILING,) if stops else ())
 
 
+@pytest.mark.parametrize(
+    "first",
+    [
+        beam("front", 0.0, RangeStatus.NO_SIGNAL),
+        beam("front", 1.0, RangeStatus.OUT_OF_RANGE),
+        beam("front", 0.5, RangeStatus.SUSPECT),
+    ],
+)
+def test_a_beam_that_says_nothing_does_not_hide_the_next(first: BeamSight) -> None:
+    seen = sight(beams=(first, beam("right", 0.1)))
+    assert Guard(CONFIG).check(setpoint(velocity=(0.0, 0.1, 0.0)), seen).limits == (g.BEAM,)
+
+
 def test_a_component_that_is_only_rounding_is_left() -> None:
     seen = sight(beams=(beam("front", 0.1), beam("right", 0.1)))
     asked = setpoint(velocity=(1e-9, 0.0, 0.0))
@@ -630,6 +643,15 @@ def test_an_escape_looks_for_a_hit_and_for_open_space_within_its_longest_step() 
     verdict, world = fleeing(heading, (0.15, heading + math.pi), free_m=0.0)
     assert verdict.limits == (g.FREE_SPACE,)
     assert [limit for _, limit in world.asked_nearest] == [pytest.approx(0.285)]
+    place: Vector3 = (3.0, -2.0, -1.5)
+    elsewhere = ToldWorld(free_m=0.0, nearest=(0.15, heading + math.pi), free_elsewhere_m=0.0)
+    velocity = (-0.03, 0.04, 0.0)
+    Guard(CONFIG).check(setpoint(place, velocity), told(place, world=elsewhere))
+    assert [at for at, _, _ in elsewhere.asked[1:]] == [
+        pytest.approx((3.0 - 0.6 * step, -2.0 + 0.8 * step, -1.5))
+        for step in (0.025, 0.05, 0.075, 0.1)
+    ]
+    assert [at for at, _ in elsewhere.asked_nearest] == [place]
     tried = [pytest.approx((-0.6 * step, 0.8 * step, -1.0)) for step in (0.025, 0.05, 0.075, 0.1)]
     assert [place for place, _, _ in world.asked[1:]] == tried
     assert [limit for _, _, limit in world.asked[1:]] == [0.025] * 4
@@ -679,6 +701,49 @@ def test_a_guard_that_was_elsewhere_decides_like_a_new_one(
         assert verdict.limits == fresh.limits
         assert verdict.free_distance_m == fresh.free_distance_m
     assert verdict.limits == (g.FENCE,)
+
+
+@pytest.mark.parametrize(
+    ("north", "east", "before", "now", "velocity"),
+    [
+        # What is remembered must be north and east of the place, not one of them twice, nor down.
+        ((-5.0, 5.0), (-5.0, 2.0), (1.95, -0.5), (1.95, 1.95), (0.0, 0.2)),
+        ((-5.0, 2.0), (-5.0, 5.0), (-0.5, 1.95), (1.95, 1.95), (0.2, 0.0)),
+        ((-1.05, 9.0), (-9.0, 9.0), (4.0, 0.0), (-1.0, 0.0), (-0.2, 0.0)),
+        ((-9.0, 9.0), (-9.0, 4.05), (4.0, 0.0), (4.0, 4.0), (0.0, 0.2)),
+        ((-9.0, 4.05), (-9.0, 9.0), (0.0, 4.0), (4.0, 4.0), (0.2, 0.0)),
+        ((-9.0, 9.0), (-1.05, 9.0), (4.0, 3.0), (4.0, -1.0), (0.0, -0.2)),
+    ],
+)
+def test_the_fence_is_not_forgotten_on_the_way_to_it(
+    north: tuple[float, float],
+    east: tuple[float, float],
+    before: tuple[float, float],
+    now: tuple[float, float],
+    velocity: tuple[float, float],
+) -> None:
+    guard = Guard(GuardConfig(fence=Fence.rectangle(north, east)))
+    # Far from where it began, so that the distance is computed at `before`.
+    for at in ((north[1] - 0.1, east[0] + 0.1), before, now):
+        place = (*at, -1.0)
+        verdict = guard.check(setpoint(place, (*velocity, 0.0)), sight(place))
+    assert verdict.limits == (g.FENCE,)
+    assert verdict.free_distance_m == pytest.approx(0.05)
+
+
+def test_on_the_fence_exactly_the_flattest_way_inwards_is_one() -> None:
+    config = GuardConfig(fence=Fence.rectangle((-5.0, 0.0), (-5.0, 5.0)))
+    velocity = (-0.015030000000000002, 0.04779235399098898, 0.0)
+    assert velocity[0] / math.hypot(velocity[0], velocity[1]) == -0.3
+    asked = setpoint((0.0, 0.0, -1.0), velocity)
+    assert Guard(config).check(asked, sight((0.0, 0.0, -1.0))).setpoint is asked
+
+
+def test_beyond_the_fence_and_without_free_space_space_is_told() -> None:
+    place = (1.2, 0.0, -1.0)
+    seen = told(place, world=ToldWorld(free_m=0.0))
+    verdict = Guard(SQUARE).check(setpoint(place, (0.1, 0.0, 0.0)), seen)
+    assert verdict.limits == (g.FREE_SPACE,)
 
 
 @pytest.mark.parametrize("start", [(0.0, 0.0), (-2.0, 1.0), (-1.5, -3.0)])
