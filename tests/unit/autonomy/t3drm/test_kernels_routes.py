@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 from autonomy.t3drm import kernels
-from autonomy.t3drm.kernels import CLOSED, FOUND, GOAL_INSIDE, START_INSIDE, TOO_MANY, Floats, Ints
+from autonomy.t3drm.kernels import (
+    BEATEN,
+    CLOSED,
+    FOUND,
+    GOAL_INSIDE,
+    START_INSIDE,
+    TOO_MANY,
+    Floats,
+    Ints,
+)
 from autonomy.t3drm.spherical import NO_SEEDS, Discs
 from tests.support.tangent_graph import shortest_length
 
@@ -132,6 +141,38 @@ def test_a_slalom_changes_sides_between_its_gates() -> None:
     assert length(rows, np.ones(2)) == pytest.approx(expected, abs=1e-6)
 
 
+def test_a_limit_beats_only_routes_that_are_not_shorter() -> None:
+    centres, radii = discs((0.0, -1.0, 3.0))
+    field = Discs.of(centres, radii).field
+    both = ends(-5, 0, 5, 0)
+    _, rows, _, _ = kernels.lazy_route(both, field, NO_PLANES, 9, NO_SEEDS, math.inf)
+    shortest = length(rows, radii)
+    for limit_m, status in (
+        (shortest + 1e-9, FOUND),
+        (shortest - 1e-9, BEATEN),
+        (10.0, BEATEN),
+        (1.0, BEATEN),
+    ):
+        found = kernels.lazy_route(both, field, NO_PLANES, 9, NO_SEEDS, limit_m)
+        assert found[0] == status
+        assert (found[1].shape[0] > 0) is (status == FOUND)
+
+
+@pytest.mark.parametrize("sweep_deg", [20.0, -20.0])
+def test_a_slight_turn_round_the_first_disc_is_an_arc_of_it(sweep_deg: float) -> None:
+    # Start and goal on the tangents at the ends of an arc of 20 degrees, 3 m from where they touch.
+    sweep = math.radians(abs(sweep_deg))
+    side = math.copysign(1.0, sweep_deg)
+    start, end = (-3.0, 0.0), (3.0 * math.cos(sweep), side * 3.0 * math.sin(sweep))
+    touch = (2.0 * math.sin(sweep), side * (2.0 - 2.0 * math.cos(sweep)))
+    both = ends(*start, touch[0] + end[0], touch[1] + end[1])
+    status, rows, _, _ = route(both, (0.0, side * 2.0, 2.0))
+    assert status == FOUND
+    assert rows[1, 4] == 0.0
+    assert rows[1, 5] == pytest.approx(math.radians(sweep_deg))
+    assert length(rows, np.array((2.0,))) == pytest.approx(6.0 + 2.0 * sweep)
+
+
 def test_discs_that_touch_leave_a_way_between_them() -> None:
     status, rows, _, _ = route(ends(-2, 0, 2, 0), (0.0, 1.0, 1.0), (0.0, -1.0, 1.0))
     assert status == FOUND
@@ -160,6 +201,19 @@ def random_maps(seed: int, count: int) -> list[tuple[Floats, tuple[Disc, ...]]]:
     return maps
 
 
+def crowded_maps(seed: int, count: int) -> list[tuple[Floats, tuple[Disc, ...]]]:
+    """Many discs between start and goal: several ways of nearly the same length."""
+    rng = np.random.default_rng(seed)
+    maps: list[tuple[Floats, tuple[Disc, ...]]] = []
+    for _ in range(count):
+        centres = rng.uniform((0.3, -2.0), (7.7, 2.0), (12, 2))
+        radii = rng.uniform(0.3, 0.8, 12)
+        both = ends(-0.6, float(rng.uniform(-1.5, 1.5)), 8.6, float(rng.uniform(-1.5, 1.5)))
+        table = np.column_stack((centres, radii))
+        maps.append((both, tuple((n, e, r) for n, e, r in table.tolist())))
+    return maps
+
+
 def lattice_maps(seed: int, count: int) -> list[tuple[Floats, tuple[Disc, ...]]]:
     """Touching, overlapping, contained and collinear discs between two sides."""
     rng = np.random.default_rng(seed)
@@ -174,7 +228,9 @@ def lattice_maps(seed: int, count: int) -> list[tuple[Floats, tuple[Disc, ...]]]
     return maps
 
 
-@pytest.mark.parametrize(("both", "rows"), random_maps(11, 22) + lattice_maps(12, 22))
+@pytest.mark.parametrize(
+    ("both", "rows"), random_maps(11, 22) + lattice_maps(12, 22) + crowded_maps(13, 16)
+)
 def test_no_route_is_shorter(both: Floats, rows: tuple[Disc, ...]) -> None:
     centres, radii = discs(*rows)
     status, found, active, _ = route(both, *rows)

@@ -280,6 +280,12 @@ def test_circles_within_the_tolerance_of_touching_do_not_overlap() -> None:
         assert kernels._overlap(both, 0, 1, tolerance_m) is overlap
 
 
+def test_slanted_segments_cross_where_they_do() -> None:
+    for towards, crosses in (((3.0, 0.0), False), ((0.0, 3.0), True), ((1.0, 2.5), True)):
+        # From (2, 1.5), just beside the middle of (0, 0) to (4, 3.2).
+        assert kernels._crosses(segment(0, 0, 4, 3.2), 2.0, 1.5, *towards) is crosses
+
+
 def barred(around: Floats, planes: Floats = NO_PLANES) -> list[list[float]]:
     bars, counts = kernels._barred_bearings(around, planes)
     return [
