@@ -117,6 +117,9 @@ def test_touching_circles_are_changed_over_on_a_tangent_of_no_length(
 
 def test_circles_half_a_metre_wide_touch_too_and_a_tenth_of_a_micrometre_is_rounding() -> None:
     assert kernels.tangent(0.0, 0.0, 0.5, 1.0, 0.0, -0.5) == pytest.approx((True, 0.0, 0.0, 1.0))
+    # 0.5 and 0.3 m apart by 1 m: 0.6 long; equal ones: 0.7.
+    assert kernels.tangent(0.0, 0.0, 0.5, 1.0, 0.0, -0.3)[1] == pytest.approx(0.6)
+    assert kernels.tangent(0.0, 0.0, 0.5, 0.7, 0.0, 0.5)[1] == pytest.approx(0.7)
     # As far as 1e-7 m inside, exactly.
     assert kernels.tangent(0.0, 0.0, 0.0, 1e-7, 0.0, 2e-7)[0]
     assert not kernels.tangent(0.0, 0.0, 0.0, 1e-7, 0.0, 2.01e-7)[0]
@@ -219,6 +222,9 @@ def test_a_tangent_may_graze_a_circle_but_not_cut_it(
 
 def test_every_circle_is_looked_at() -> None:
     far = (4.0, 5.0, 1.0)
+    aside = circles((0, 5, 0), (9, 5, 0), (4.0, 5.5, 1.0))
+    assert not kernels._edge_is_free(0, 1, segment(0, 5, 9, 5), aside, NO_PLANES, 2)
+    assert kernels._edge_is_free(0, 1, segment(0, 0, 9, 0), aside, NO_PLANES, 2)
     for rows in ([far, (4.0, 0.0, 1.0)], [(4.0, 0.0, 1.0), far]):
         around = circles((0, 0, 0), (9, 0, 0), *rows)
         assert not kernels._edge_is_free(0, 1, segment(0, 0, 9, 0), around, NO_PLANES, 2)
@@ -302,6 +308,20 @@ def test_an_overlapping_disc_bars_the_bearing_of_its_centre() -> None:
     assert [len(row) for row in found] == [0, 0, 2, 1, 1]
     for row, bearings in zip(found, expected, strict=True):
         assert row == pytest.approx(bearings)
+
+
+@pytest.mark.parametrize("shift", [(3.0, -7.0, 0.0), (-20.0, 4.0, 0.0)])
+def test_bars_do_not_depend_on_where_the_discs_stand(shift: tuple[float, float, float]) -> None:
+    around = circles((0, 9, 0), (9, 0, 0), (0, 0, 1), (0.3, 1.5, 1), (-1.5, 0.4, 1), (1, 1, 1))
+    near = np.array(((0.6, 0.8, -0.5), (-1.0, 0.0, -1.5), (0.0, 1.0, -1.2)))
+    moved = near.copy()
+    moved[:, 2] += near[:, 0] * shift[0] + near[:, 1] * shift[1]
+    here, there = barred(around, near), barred(around + np.array(shift), moved)
+    assert sum(map(len, here)) > 10
+    for a, b in zip(here, there, strict=True):
+        assert a == pytest.approx(b)
+    # More sides than discs.
+    assert len(barred(around[:3], np.repeat(near[:1], 5, axis=0))[2]) == 5
 
 
 @pytest.mark.parametrize(
@@ -430,6 +450,21 @@ def test_a_tangent_touches_both_circles_in_their_senses(
     assert along == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(("o1", "o2"), [(4, 6), (5, 7), (4, 7), (5, 6), (0, 4), (0, 7), (6, 2)])
+def test_a_tangent_is_laid_wherever_the_circles_stand(o1: int, o2: int) -> None:
+    shift = np.array((3.0, -7.0, 0.0))
+    around = circles((-4, 2, 0), (9, 3, 0), (0, 0, 1), (5, 1, 2))
+    here, there = np.zeros(9), np.zeros(9)
+    assert kernels._lay_tangent(around, o1, o2, here)
+    assert kernels._lay_tangent(around + shift, o1, o2, there)
+    assert there[[AN, BN]] == pytest.approx(here[[AN, BN]] + 3.0)
+    assert there[[AE, BE]] == pytest.approx(here[[AE, BE]] - 7.0)
+    assert there[[LENGTH, DEPART]] == pytest.approx(here[[LENGTH, DEPART]])
+    for i in (o1 >> 1, o2 >> 1):
+        arrival = kernels._arrival(around, i, here)
+        assert kernels._arrival(around + shift, i, there) == pytest.approx(arrival)
+
+
 def test_where_there_is_no_tangent_none_is_laid() -> None:
     around = circles((9, 9, 0), (-9, -9, 0), (0, 0, 3), (1, 0, 1))
     assert not kernels._lay_tangent(around, 4, 6, np.zeros(9))
@@ -496,6 +531,25 @@ def test_how_deep_a_straight_piece_cuts_a_disc() -> None:
     row = straight(0.0, 0.0, 9.0, 0.0)
     assert kernels._depth(row, centres, radii, 0) == pytest.approx(0.5)
     assert kernels._depth(row, centres, radii, 1) == pytest.approx(-4.0)
+    moved = kernels._depth(
+        straight(3.0, -7.0, 12.0, -7.0), centres + np.array((3.0, -7.0)), radii, 0
+    )
+    assert moved == pytest.approx(0.5)
+    upwards = kernels._depth(straight(3.0, -7.0, 3.0, 2.0), np.array(((1.0, 9.0),)), radii, 0)
+    assert upwards == pytest.approx(2.0 - math.hypot(2.0, 7.0))
+
+
+@pytest.mark.parametrize("sweep_deg", [40.0, -40.0])
+def test_a_short_arc_of_the_first_disc_is_an_arc(sweep_deg: float) -> None:
+    # Its middle is 2 from the disc's centre, its chord's middle is not; a disc of 0.1 beyond it.
+    sweep = math.radians(sweep_deg)
+    centres, radii = np.array(((0.0, 0.0), (2.05, 0.0))), np.array((2.0, 0.1))
+    ends = [(2.0 * math.cos(0.5 * s), 2.0 * math.sin(0.5 * s)) for s in (-sweep, sweep)]
+    row = np.array((*ends[0], *ends[1], 0.0, sweep))
+    assert kernels._depth(row, centres, radii, 1) == pytest.approx(0.05)
+    low_n, high_n, _, _ = kernels._box_of(row, radii, 0.0)
+    bulge = 2.0 - 2.0 * math.cos(0.5 * abs(sweep))
+    assert (low_n, high_n) == pytest.approx((2.0 - 2.0 * bulge, 2.0))
 
 
 @pytest.mark.parametrize(
@@ -544,6 +598,14 @@ def test_the_box_of_an_arc_holds_all_of_it(begin_deg: float, sweep_deg: float) -
 def test_the_box_of_a_straight_piece_is_its_own() -> None:
     box = kernels._box_of(straight(5.0, -2.0, 1.0, 7.0), np.array((9.0,)), 0.5)
     assert box.tolist() == [0.5, 5.5, -2.5, 7.5]
+    for way, expected in (
+        ((1.0, 7.0, 5.0, -2.0), [0.5, 5.5, -2.5, 7.5]),
+        ((-9.0, 3.0, -8.0, 4.0), [-9.5, -7.5, 2.5, 4.5]),
+        ((3.0, 20.0, 2.0, 10.0), [1.5, 3.5, 9.5, 20.5]),
+        ((3.0, 10.0, 2.0, 20.0), [1.5, 3.5, 9.5, 20.5]),
+        ((3.0, -20.0, 2.0, -10.0), [1.5, 3.5, -20.5, -9.5]),
+    ):
+        assert kernels._box_of(straight(*way), np.array((9.0,)), 0.5).tolist() == expected
 
 
 def test_the_box_of_an_arc_is_wider_than_its_chord_by_its_sagitta() -> None:
