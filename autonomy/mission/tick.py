@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from autonomy.model import Event, FusedState, Inputs, NoPlan, Plan
+from autonomy.model import Event, FusedState, Inputs, MissionState, NoPlan, Plan
 from hal.setpoints import Request, RequestKind, Setpoint
 
 
@@ -13,6 +13,10 @@ class Tick:
     inputs: Inputs
     fused: FusedState
     dt_s: float
+    state: MissionState = MissionState.PREFLIGHT
+    """Changes within the tick, when the mission goes from one to another."""
+    entered_s: float = 0.0
+    """When the present state began."""
     setpoint: Setpoint | None = None
     plan: Plan | NoPlan | None = None
     speed_limit_m_s: float = 0.0
@@ -23,6 +27,11 @@ class Tick:
     def now_s(self) -> float:
         """The tick's time."""
         return self.inputs.now_s
+
+    @property
+    def elapsed_s(self) -> float:
+        """Time in the present state."""
+        return self.now_s - self.entered_s
 
     def say(self, name: str, why: str) -> None:
         """Tell people one sentence."""

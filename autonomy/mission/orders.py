@@ -1,0 +1,68 @@
+"""What a person orders in flight, and the HOLD that waits for the end of an order or a fault."""
+
+from autonomy.mission.machine import NAVIGATING_STATES
+from autonomy.mission.responding import Responding
+from autonomy.mission.sequence import Move
+from autonomy.mission.tick import Tick
+from autonomy.model import Ending, MissionState, OperatorCommand, Outcome
+
+_HOLD_BEFORE_LANDING_S = 3.0
+_BRIEF_HOLD_S = 1.0
+"""After a fault this short the flight goes on without a new look round: within one turn of the
+scan nothing that was seen has become old."""
+_OVER = frozenset({MissionState.LAND, MissionState.YIELDED, MissionState.DONE})
+
+
+class Orders:
+    """STOP holds and then lands; LAND, or a second STOP, lands at once.
+
+    HOLD holds until RESUME; said before the vehicle navigates, it holds as soon as it does.
+    """
+
+    def __init__(self, responding: Responding) -> None:
+        self._responding = responding
+        self._landing: Outcome | None = None
+        """The verdict of a STOP that holds now and lands soon."""
+        self._held = False
+
+    def obey(self, tick: Tick, command: OperatorCommand) -> Move | None:
+        """One order; None when it changes nothing now."""
+        if tick.state in _OVER:
+            return None
+        if command in (OperatorCommand.HOLD, OperatorCommand.RESUME):
+            self._held = command is OperatorCommand.HOLD
+            return None
+        why = "stopped by the operator"
+        outcome = Outcome(Ending.ABORTED, why)
+        if tick.state is MissionState.PREFLIGHT:
+            return Move(MissionState.DONE, why, outcome)
+        if (
+            command is OperatorCommand.LAND
+            or self._landing is not None
+            or tick.state not in NAVIGATING_STATES
+        ):
+            return Move(MissionState.LAND, f"{why}: landing", outcome)
+        self._landing = outcome
+        if tick.state is MissionState.HOLD:
+            tick.entered_s = tick.now_s
+            return None
+        return Move(MissionState.HOLD, f"{why}: holding, landing soon", outcome)
+
+    def stay(self, tick: Tick) -> Move | None:
+        """After the orders of a tick: hold where HOLD was said."""
+        if self._held and tick.state in NAVIGATING_STATES - {MissionState.HOLD}:
+            return Move(MissionState.HOLD, "held by the operator until told to go on")
+        return None
+
+    def hold(self, tick: Tick, held_from: MissionState) -> Move | None:
+        """HOLD: until the fault is gone, or until the operator's landing is due."""
+        if self._landing is not None:
+            if tick.elapsed_s >= _HOLD_BEFORE_LANDING_S:
+                return Move(MissionState.LAND, "held as ordered; landing", self._landing)
+            return None
+        if self._held or self._responding.faults(tick):
+            return None
+        flying = held_from in (MissionState.CRUISE, MissionState.FOLLOW)
+        if flying and tick.elapsed_s < _BRIEF_HOLD_S:
+            return Move(held_from, "a moment's fault is over; what was seen is still true")
+        return Move(MissionState.DETECT, "nothing forbids it any more; looking around to go on")
