@@ -49,6 +49,7 @@ from autonomy.warm import warm_up
 from hal import registry
 from hal.clock import MonotonicClock
 from hal.config import Fence
+from hal.drops import dropped_by
 from hal.errors import ConnectionFailed, HalError
 from hal.frames import ZERO3, Vector3, add, ned_from_frd, subtract
 from hal.interfaces import Clock
@@ -348,6 +349,8 @@ class Service:
         period_s = 1.0 / self._config.control.rate_hz
         self._origin_ned_m, self._last_position = None, None
         self._readings.clear()
+        parts = (connected.vehicle, *connected.sensors, connected.gnss)
+        self._station.dropped = lambda: dropped_by(parts)
         self._ready(connected)
         while True:
             self._look(connected)

@@ -19,6 +19,7 @@ from autonomy.px4_health import Event, SensorReport, failed_checks, unwell
 from autonomy.virtual_world import warning
 from hal import registry
 from hal.clock import MonotonicClock
+from hal.drops import Dropped, dropped_by
 from hal.errors import HalError
 from hal.interfaces import Clock, MessageSource, RangeSensor, WireMessage
 from hal.readings import (
@@ -46,6 +47,8 @@ _OLD_S = 0.5
 _LINK_OLD_S = 2.0
 """Heartbeats come once a second: an older link may have missed that the vehicle was armed."""
 _AUTOPILOT_COMPONENT = 1
+_USUAL = frozenset({"another sender", "echo", "overruled"})
+"""Reasons for dropping a message that a sound vehicle gives, too."""
 
 Confirm = Callable[[Sequence[Fix]], bool]
 
@@ -64,6 +67,7 @@ class Look:
     events: list[Event] = field(default_factory=list)
     sensors: SensorReport | None = None
     texts: list[str] = field(default_factory=list)
+    dropped: Dropped = field(default_factory=dict)
 
 
 class Listener:
@@ -172,6 +176,7 @@ async def _watched(
         look.ended_s = clock.now_s()
         look.fix = gnss.fix() if gnss is not None else None
         await _health(look, vehicle, listener)
+        look.dropped = dropped_by((vehicle, *opened, gnss))
     finally:
         for sensor in opened:
             await sensor.close()
@@ -229,6 +234,7 @@ def judged(
         *_battery(config, status),
         *((note(warning(virtual), "beams"),) if virtual is not None else ()),
         *check_beams(config, look.readings, look.seconds, look.ended_s),
+        *_drops(look.dropped),
     )
 
 
@@ -317,6 +323,15 @@ def _battery(config: Config, status: VehicleStatus) -> tuple[Finding, ...]:
         sentence = f"the battery is at {remaining:.0%}: charge it"
         return (bad(sentence, "battery"),)
     return (ok(f"the battery is at {remaining:.0%}", "battery"),)
+
+
+def _drops(dropped: Dropped) -> tuple[Finding, ...]:
+    """What came in and was not believed; what others on the link say is none of it."""
+    counted = sorted((what, count) for what, count in dropped.items() if what[1] not in _USUAL)
+    if not counted:
+        return ()
+    words = ", ".join(f"{source} {count} times ({why})" for (source, why), count in counted)
+    return (note(f"not believed: {words}", "link"),)
 
 
 def check_beams(

@@ -46,11 +46,11 @@ def with_virtual_world(config: Config, driver: VirtualDriver) -> tuple[Config, S
     """The configuration for flying in the scenario of `driver`, and that scenario.
 
     The fence stays as configured: it is the real room's. Where it is the default, which fences no
-    room, the scenario's is used. The stamps of virtual beams need no correction for a latency.
+    room, the scenario's is used.
     Raises DocumentError when there is no such scenario.
     """
     scenario = load_scenario(driver.scenario)
-    beams = config.beams.model_copy(update={"drivers": (driver,), "latency_s": 0.0})
+    beams = config.beams.model_copy(update={"drivers": (driver,)})
     guard = config.guard
     if guard.fence == GuardConfig().fence:
         guard = guard.model_copy(update={"fence": scenario.fence})

@@ -36,10 +36,15 @@ class BeamMount(Section):
     forward_m: Finite = 0.0
     right_m: Finite = 0.0
     down_m: Finite = 0.0
+    half_angle_deg: Annotated[float, Field(ge=0.0, le=30.0)] = 0.0
+    """How far off its axis the beam still sees: 0 is a thin ray, a VL53L0X has 12.5."""
     offset_m: Finite = 0.0
     """How much the sensor reads too far; every driver takes it off (`autonomy calibrate`)."""
     sigma_m: NonNegative = 0.0
     """Measured noise, one sigma; no reading of this beam is told to be more certain."""
+    latency_s: NonNegative | None = None
+    """From the measurement to the time that the driver knows of; null: what the driver's kind has
+    (`BeamsConfig.latency_of`)."""
 
     @property
     def horizontal(self) -> bool:
@@ -60,9 +65,11 @@ def six_beams() -> tuple[BeamMount, ...]:
 
 
 class MavlinkDriver(Section):
-    """Beams that come over the vehicle's link as DISTANCE_SENSOR: all that nobody else drives."""
+    """Beams that come over the vehicle's link: all that nobody else drives."""
 
     driver: Literal["mavlink"] = "mavlink"
+    obstacle_distance: bool = True
+    """Beside DISTANCE_SENSOR, listen to OBSTACLE_DISTANCE, too."""
 
 
 I2cAddress = Annotated[int, Field(ge=0x08, le=0x77)]
@@ -323,6 +330,18 @@ class BeamsConfig(Section):
         """
         driven = {sensor.beam for driver in self._on_i2c() for sensor in driver.sensors}
         return tuple(mount for mount in self.mounts if mount.name not in driven)
+
+    def latency_of(self, mount: BeamMount) -> float:
+        """From the middle of a measurement of `mount` to the time that its driver gets to know.
+
+        The mount's own; else `latency_s` over MAVLink, whose senders stamp when they send, and 0
+        for sensors on this computer, whose drivers know the middle of the measurement. Drivers
+        take it off: a reading's stamp is when the range was true.
+        """
+        if mount.latency_s is not None:
+            return mount.latency_s
+        driven = {sensor.beam for driver in self._on_i2c() for sensor in driver.sensors}
+        return 0.0 if mount.name in driven or self.virtual() is not None else self.latency_s
 
     def mount(self, name: str) -> BeamMount:
         """The mount called `name`; raises KeyError when there is none."""

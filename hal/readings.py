@@ -13,6 +13,11 @@ import msgspec
 from hal.errors import ReadingRefused
 from hal.frames import Vector3, finite3
 
+FARTHEST_M, FASTEST_M_S = 1e5, 1e3
+"""No small multicopter is farther from where it was switched on, or faster: who says so, errs."""
+_TURNS_RAD = 20.0
+_SPINS_RAD_S = 1e3
+
 
 def _require(condition: object, sentence: str) -> None:
     if not condition:
@@ -122,6 +127,11 @@ class LocalPosition(msgspec.Struct, frozen=True):
             and finite3(self.velocity_ned_m_s),
             "local position: a component is not a number",
         )
+        _require(
+            max(map(abs, self.position_ned_m)) <= FARTHEST_M
+            and max(map(abs, self.velocity_ned_m_s)) <= FASTEST_M_S,
+            "local position: no multicopter is there, or that fast",
+        )
 
 
 class Attitude(msgspec.Struct, frozen=True):
@@ -146,6 +156,11 @@ class Attitude(msgspec.Struct, frozen=True):
                 )
             ),
             "attitude: a component is not a number",
+        )
+        _require(
+            max(abs(self.roll_rad), abs(self.pitch_rad), abs(self.yaw_rad)) <= _TURNS_RAD
+            and abs(self.yaw_rate_rad_s) <= _SPINS_RAD_S,
+            "attitude: an angle of many turns, or a spin that nothing survives",
         )
 
 

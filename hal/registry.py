@@ -25,8 +25,8 @@ from hal.interfaces import (
     RangeSensor,
     Vehicle,
 )
-from hal.ranging.distance_sensor import MavlinkDistanceSensor
 from hal.ranging.i2c_range_sensor import I2cRangeSensor
+from hal.ranging.mavlink_beams import MavlinkBeams
 from hal.ranging.told_beams import BeamTeller
 from hal.ranging.virtual_beams import PoseSource, VirtualBeams
 
@@ -74,9 +74,10 @@ def range_sensors(beams: BeamsConfig, source: MessageSource, clock: Clock) -> Se
         for driver in beams.drivers
         if isinstance(driver, VirtualDriver)
     ]
-    if beams.over_mavlink() and any(isinstance(d, MavlinkDriver) for d in beams.drivers):
+    over_mavlink = next((d for d in beams.drivers if isinstance(d, MavlinkDriver)), None)
+    if beams.over_mavlink() and over_mavlink is not None:
         own = beams.model_copy(update={"mounts": beams.over_mavlink()})
-        sensors.append(MavlinkDistanceSensor(source, own))
+        sensors.append(MavlinkBeams(source, own, over_mavlink))
     return tuple(sensors)
 
 

@@ -80,7 +80,6 @@ class Projector:
     """
 
     def __init__(self, beams: BeamsConfig, half_height_m: float = 0.08) -> None:
-        self._latency_s = beams.latency_s
         self._half_height_m = half_height_m
         self._poses: deque[Pose] = deque(maxlen=HISTORY_POSES)
         self._mounts: dict[str, _Mount] = {}
@@ -97,8 +96,8 @@ class Projector:
     def step(self, fused: FusedState, ranges: Iterable[RangeReading]) -> tuple[Ray, ...]:
         """Remember the pose of `fused`, and project `ranges` with the poses of their times.
 
-        A reading's time is its stamp less the configured latency. A state that is not ok is not
-        remembered and gives no rays; neither does a reading from before or after the known poses.
+        A state that is not ok is not remembered and gives no rays; neither does a reading from
+        before or after the known poses.
         A jump of the frame (`fused.frame_shift_ned_m`) moves the remembered poses along.
         """
         if any(fused.frame_shift_ned_m):
@@ -114,7 +113,7 @@ class Projector:
                 continue
             if reading.stamp_s != stamp_s:
                 stamp_s = reading.stamp_s
-                pose = self.pose_at(stamp_s - self._latency_s)
+                pose = self.pose_at(stamp_s)
             if pose is not None:
                 rays.append(self._ray(pose, mount, reading))
         return tuple(rays)

@@ -4,7 +4,12 @@ import math
 from collections.abc import Iterator
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
-from prometheus_client.core import GaugeMetricFamily, InfoMetricFamily, Metric
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    InfoMetricFamily,
+    Metric,
+)
 from prometheus_client.registry import Collector
 
 from autonomy import __version__
@@ -122,6 +127,14 @@ class _Newest(Collector):
         for one in Phase:
             phase.add_metric([one.value], float(one is station.phase))
         yield phase
+        dropped = CounterMetricFamily(
+            "autonomy_dropped",
+            "What came in and was not believed, since the vehicle was connected.",
+            labels=["source", "reason"],
+        )
+        for labels, count in station.dropped().items():
+            dropped.add_metric(labels, count)
+        yield dropped
         instant = station.instant
         if instant is None:
             return

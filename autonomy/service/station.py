@@ -23,6 +23,7 @@ from autonomy.mission.sensing import Sensing
 from autonomy.model import Command, Event, NoPlan, OperatorCommand, Plan
 from autonomy.service.contract import EventView, MissionOrder, MissionRecord, MissionStatus, Phase
 from autonomy.service.lock import utc_now
+from hal.drops import Dropped
 from hal.readings import Attitude, LocalPosition, RangeReading, VehicleStatus
 
 MISSIONS_KEPT = 100
@@ -85,6 +86,8 @@ class Station:
         self.phase = Phase.WAITING
         self.why = "starting"
         self.instant: Instant | None = None
+        self.dropped: Callable[[], Dropped] = dict
+        """What vehicle and sensors did not believe, since they were connected."""
         self.drawn: Drawn | None = None
         self.events: tuple[EventView, ...] = ()
         self._events_told = 0

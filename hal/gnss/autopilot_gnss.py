@@ -4,12 +4,14 @@ import asyncio
 
 import msgspec
 
+from hal.drops import Dropped, Drops
 from hal.errors import ConnectionFailed, ReadingRefused
 from hal.interfaces import MessageSource, WireMessage
 from hal.latest import Latest
 from hal.readings import FixType, GnssFix
 
 _AUTOPILOT_COMPONENT = 1
+_MESSAGE = "GPS_RAW_INT"
 _FIX_TYPES = (
     FixType.NO_GPS,
     FixType.NO_FIX,
@@ -96,8 +98,11 @@ class AutopilotGnss:
         self._fix: Latest[GnssFix] = Latest()
         self._listening = False
         self._open = False
-        self.refused = 0
-        """Messages that were no measurement."""
+        self._drops = Drops()
+
+    def dropped(self) -> Dropped:
+        """See `hal.drops`: messages that were no measurement, or another component's."""
+        return self._drops.dropped()
 
     async def open(self, deadline_s: float) -> None:
         """Listen; returns with the first solution, also one without a position.
@@ -108,7 +113,7 @@ class AutopilotGnss:
         self._fix = Latest()
         if not self._listening:
             self._listening = True
-            self._source.listen("GPS_RAW_INT", self._take)
+            self._source.listen(_MESSAGE, self._take)
         try:
             async with asyncio.timeout(deadline_s):
                 while self._fix.get() is None:  # noqa: ASYNC110 - the cell's writer knows no event loop
@@ -132,10 +137,13 @@ class AutopilotGnss:
         return self._fix.get()
 
     def _take(self, message: WireMessage) -> None:
-        if not self._open or message.component_id != _AUTOPILOT_COMPONENT:
+        if not self._open:
+            return
+        if message.component_id != _AUTOPILOT_COMPONENT:
+            self._drops.note(_MESSAGE, "another sender")
             return
         try:
             fields = self._decoder.decode(message.fields_json)
             self._fix.put(fields.reading(self._source.stamp_s(message, fields.time_usec * 1e-6)))
         except (msgspec.DecodeError, ReadingRefused):
-            self.refused += 1
+            self._drops.note(_MESSAGE, "unreadable")

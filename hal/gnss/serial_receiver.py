@@ -13,6 +13,7 @@ import msgspec
 
 from hal.clock import Clock
 from hal.config import SerialGnssConfig
+from hal.drops import Dropped
 from hal.errors import ConnectionFailed
 from hal.gnss import serial_port, stream
 from hal.gnss.serial_port import Port, PortGone, SerialPort
@@ -185,6 +186,11 @@ class SerialReceiver:
     def fix(self) -> GnssFix | None:
         """The newest solution with the stamp it came with, or None before the first."""
         return self._listener.fix.get()
+
+    def dropped(self) -> Dropped:
+        """See `hal.drops`: frames and solutions since it was opened last."""
+        lost = self._listener.health.counts.lost()
+        return {("serial GNSS", reason): count for reason, count in lost.items() if count}
 
     def health(self) -> GnssHealth:
         """How it is doing, as of the last thing that happened on the port."""

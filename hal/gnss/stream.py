@@ -48,6 +48,19 @@ class StreamCounts(msgspec.Struct, frozen=True):
     leaps: int = 0
     losses: int = 0
 
+    def lost(self) -> dict[str, int]:
+        """How many frames and solutions were not believed, by reason."""
+        return {
+            "checksum": self.checksum_errors,
+            "oversized": self.oversized,
+            "broken off": self.broken_off,
+            "unreadable": self.unreadable,
+            "absurd": self.absurd,
+            "untimely": self.untimely,
+            "frozen": self.frozen,
+            "outranked": self.outranked,
+        }
+
 
 class GnssStream:
     """One receiver's bytes in, fixes out."""

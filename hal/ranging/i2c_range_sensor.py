@@ -13,6 +13,7 @@ from hal.config import (
     SharpIrConfig,
     Vl53l0xConfig,
 )
+from hal.drops import Dropped
 from hal.errors import ConnectionFailed
 from hal.ranging.adc_ir import SharpIr
 from hal.ranging.ads1115 import Ads1115
@@ -108,6 +109,14 @@ class I2cRangeSensor:
     def take(self) -> tuple[RangeReading, ...]:
         """Readings since the last call, oldest first; at most the last 256."""
         return tuple(self._readings.popleft() for _ in range(len(self._readings)))
+
+    def dropped(self) -> Dropped:
+        """See `hal.drops`: transfers that failed, and chips that had to be started anew."""
+        counts = {}
+        for station in self.stations:
+            counts[f"i2c {station.mount.name}", "failed transfers"] = station.errors
+            counts[f"i2c {station.mount.name}", "restarts"] = max(station.starts - 1, 0)
+        return {key: count for key, count in counts.items() if count}
 
     # ------------------------------------------------------------------ the thread
 

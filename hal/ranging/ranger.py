@@ -61,7 +61,7 @@ class Measured(msgspec.Struct, frozen=True):
         elif status is RangeStatus.OUT_OF_RANGE:
             range_m = limits.max_m
         return RangeReading(
-            stamp_s=read_s - self.age_s,
+            stamp_s=read_s - self.age_s - (mount.latency_s or 0.0),
             beam=mount.name,
             status=status,
             range_m=range_m,

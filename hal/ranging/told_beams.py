@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 from hal.config import BeamMount, BeamsConfig
 from hal.interfaces import MessageSink
-from hal.ranging.distance_sensor import INVALID, orientation_of
+from hal.ranging.distance_sensor import INVALID
+from hal.ranging.orientations import DOWN, orientation_of
 from hal.readings import RangeReading, RangeStatus
 
 INTERVAL_S = 0.1
@@ -18,7 +19,6 @@ INTERVAL_S = 0.1
 
 _INFRARED = 2  # MAV_DISTANCE_SENSOR
 _BODY_FRD = 12  # MAV_FRAME
-_DOWN = 25  # MAV_SENSOR_ROTATION_PITCH_270
 _GOOD = 100  # signal_quality
 _SECTORS, _SECTOR_DEG = 72, 5
 _UNKNOWN_CM = 65_535
@@ -41,7 +41,7 @@ class BeamTeller:
         """Raises ReadingRefused for a beam whose direction MAVLink has no number for."""
         self._sink = sink
         self._mounts: dict[str, BeamMount] = {
-            mount.name: mount for mount in beams.mounts if orientation_of(mount) != _DOWN
+            mount.name: mount for mount in beams.mounts if orientation_of(mount) != DOWN
         }
         self._numbers = {name: number for number, name in enumerate(self._mounts)}
         self._newest: dict[str, RangeReading] = {}

@@ -34,7 +34,7 @@ from hal.sim.mock_px4_protocol import (
     Protocol,
     text_messages,
 )
-from hal.sim.mock_px4_ranges import BeamEncoder
+from hal.sim.mock_px4_ranges import BeamEncoder, RingEncoder
 from hal.sim.mock_px4_streams import Message, gps_raw
 from hal.sim.px4 import AutopilotText
 from hal.sim.px4_events import AutopilotEvent
@@ -103,12 +103,20 @@ class MockPx4:
     """The server: one socket, one plant, any number of peers. `port` is where it sends to."""
 
     def __init__(
-        self, plant: Plant, *, port: int, system_id: int = 1, refused: Collection[str] = ()
+        self,
+        plant: Plant,
+        *,
+        port: int,
+        system_id: int = 1,
+        refused: Collection[str] = (),
+        ring: bool = False,
     ) -> None:
         self._plant = plant
         self._system_id = system_id
         self._protocol = Protocol(plant, system_id, refused)
-        self._beams = BeamEncoder(plant.beams_config.mounts, plant.scenario.beams.half_angle_deg)
+        mounts = plant.beams_config.mounts
+        self._beams = BeamEncoder(mounts, plant.scenario.beams.half_angle_deg)
+        self._ring = RingEncoder(mounts) if ring else None
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(0.0)
@@ -204,7 +212,11 @@ class MockPx4:
         beat = mavlink.MAVLink_heartbeat_message(
             mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3
         )
-        data = bytes(beat.pack(self._companion))
+        self._forward(beat)
+
+    def _forward(self, message: Message) -> None:
+        """To everybody, as from the other computer."""
+        data = bytes(message.pack(self._companion))
         self._companion.seq = (self._companion.seq + 1) % 256
         for peer in self._peers.values():
             self._transmit(data, peer.address)
@@ -242,7 +254,13 @@ class MockPx4:
 
     def _sampled(self) -> list[Message]:
         plant = self._plant
-        messages = [m for m in map(self._beams.encode, plant.ranges) if m is not None]
+        ranges = plant.ranges
+        if self._ring is not None:
+            told = self._ring.encode(ranges)
+            if told is not None:
+                self._forward(told)
+            ranges = tuple(r for r in ranges if not self._ring.tells(r.beam))
+        messages = [m for m in map(self._beams.encode, ranges) if m is not None]
         if plant.new_fix is not None:
             messages.append(gps_raw(plant, plant.new_fix))
         echo = self._protocol.range_echo.due(plant)
@@ -289,6 +307,7 @@ def run_mock_px4(
     boot_s: float = 0.0,
     refused: Collection[str] = (),
     beams: BeamsConfig | None = None,
+    ring: bool = False,
     truth_out: Path | None = None,
     ready: Callable[[Address], None] | None = None,
     stop: threading.Event | None = None,
@@ -297,12 +316,13 @@ def run_mock_px4(
 
     Raises DocumentError for a fault of a beam that the vehicle does not have. `ready` is called
     with the mock's own address once it is up, everything compiled. `truth_out` gets the true state
-    as JSON lines at 20 Hz (`mock_px4_plant.TruthRecord`).
+    as JSON lines at 20 Hz (`mock_px4_plant.TruthRecord`). With `ring` another computer aboard tells
+    the beams around, as OBSTACLE_DISTANCE.
     """
     plant = Plant(scenario, beams or BeamsConfig(), seed, boot_s=boot_s)
     plant.autopilot.set_parameter("MAV_SYS_ID", system_id)
     plant.step(TICK_S)
-    server = MockPx4(plant, port=port, system_id=system_id, refused=refused)
+    server = MockPx4(plant, port=port, system_id=system_id, refused=refused, ring=ring)
     with contextlib.ExitStack() as stack:
         stack.callback(server.close)
         truth = None
@@ -333,6 +353,9 @@ def _parser() -> argparse.ArgumentParser:
         "--refuse", choices=REFUSABLE, action="append", default=[], help="refuse this, always"
     )
     parser.add_argument("--no-beams", action="store_true", help="a vehicle without range sensors")
+    parser.add_argument(
+        "--ring", action="store_true", help="the beams around as OBSTACLE_DISTANCE of a companion"
+    )
     parser.add_argument("--while-stdin", action="store_true", help="end when standard input does")
     return parser
 
@@ -366,6 +389,7 @@ def _run_one(
         boot_s=options.boot_s,
         refused=options.refuse,
         beams=BeamsConfig(mounts=()) if options.no_beams else None,
+        ring=options.ring,
         truth_out=truth.with_stem(f"{truth.stem}-{number + 1}") if truth and number else truth,
         ready=ready,
         stop=stop,

@@ -1,9 +1,10 @@
-"""DISTANCE_SENSOR of the mock PX4: the scenario's beams, and what a companion sends in.
+"""Ranges of the mock PX4: the scenario's beams, and what a companion sends in.
 
 Measured on PX4 main bb59c637cd, SIH quadrotor, 2026-11.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
@@ -41,17 +42,11 @@ class BeamEncoder:
         if reading.status is RangeStatus.NO_SIGNAL:
             return None
         index, looks = self._places[reading.beam]
-        low, high = round(reading.min_m * 100.0), round(reading.max_m * 100.0)
-        distance = round(reading.range_m * 100.0)
-        if reading.status is RangeStatus.OUT_OF_RANGE:
-            distance = high + 1
-        elif reading.status is RangeStatus.TOO_NEAR:
-            distance = max(low - 1, 0)
         return mavlink.MAVLink_distance_sensor_message(
             time_boot_ms=round(reading.stamp_s * 1e3),
-            min_distance=low,
-            max_distance=high,
-            current_distance=distance,
+            min_distance=round(reading.min_m * 100.0),
+            max_distance=round(reading.max_m * 100.0),
+            current_distance=_wire_cm(reading),
             type=mavlink.MAV_DISTANCE_SENSOR_INFRARED,
             id=index,
             orientation=looks,
@@ -60,6 +55,50 @@ class BeamEncoder:
             vertical_fov=self._fov_rad,
             quaternion=[0.0] * 4,
             signal_quality=100,
+        )
+
+
+class RingEncoder:
+    """The beams around as a companion's OBSTACLE_DISTANCE, as a ring of scanners sends it.
+
+    Each beam fills the sector that it looks into; what it could not measure, and all the other
+    sectors, are unknown.
+    """
+
+    _SECTORS, _STEP_DEG = 72, 5
+    _UNKNOWN = 65_535
+
+    def __init__(self, mounts: tuple[BeamMount, ...]) -> None:
+        self._sectors = {
+            mount.name: round(mount.yaw_deg / self._STEP_DEG) % self._SECTORS
+            for mount in mounts
+            if mount.horizontal
+        }
+
+    def tells(self, beam: str) -> bool:
+        """True for a beam that is in the ring."""
+        return beam in self._sectors
+
+    def encode(self, readings: Sequence[RangeReading]) -> Message | None:
+        """One message of what is around, or None when there is nothing to tell."""
+        around = [reading for reading in readings if reading.beam in self._sectors]
+        if not around:
+            return None
+        distances = [self._UNKNOWN] * self._SECTORS
+        for reading in around:
+            if reading.status is not RangeStatus.NO_SIGNAL:
+                distances[self._sectors[reading.beam]] = _wire_cm(reading)
+        low, high = round(around[0].min_m * 100.0), round(around[0].max_m * 100.0)
+        return mavlink.MAVLink_obstacle_distance_message(
+            time_usec=round(around[-1].stamp_s * 1e6),
+            sensor_type=mavlink.MAV_DISTANCE_SENSOR_INFRARED,
+            distances=distances,
+            increment=self._STEP_DEG,
+            min_distance=low,
+            max_distance=high,
+            increment_f=float(self._STEP_DEG),
+            angle_offset=0.0,
+            frame=mavlink.MAV_FRAME_BODY_FRD,
         )
 
 
@@ -102,6 +141,15 @@ class RangeEcho:
             quaternion=list(told.quaternion),
             signal_quality=max((told.signal_quality - 1) * 100 // 99, 1),
         )
+
+
+def _wire_cm(reading: RangeReading) -> int:
+    """One over the maximum: nothing there. One under the minimum: too near to measure."""
+    if reading.status is RangeStatus.OUT_OF_RANGE:
+        return round(reading.max_m * 100.0) + 1
+    if reading.status is RangeStatus.TOO_NEAR:
+        return max(round(reading.min_m * 100.0) - 1, 0)
+    return round(reading.range_m * 100.0)
 
 
 def _through_a_float(centimetres: int) -> int:

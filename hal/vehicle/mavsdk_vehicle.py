@@ -15,14 +15,11 @@ import math
 import os
 import socket
 import threading
-from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import TypeVar
 from urllib.parse import urlsplit
 
-import msgspec
 from mavsdk.autopilot import Autopilot
 from mavsdk.component_type import ComponentType
 from mavsdk.connection_result import ConnectionResult
@@ -42,36 +39,20 @@ from mavsdk.plugins.param import Param, ParamError
 from mavsdk.system import System
 
 from hal.config import DEVICE_SCHEMES, BeamsConfig, VehicleConfig
-from hal.errors import ConnectionFailed, PortInUse, ReadingRefused, WrongAutopilot
+from hal.drops import Dropped, Drops
+from hal.errors import ConnectionFailed, PortInUse, WrongAutopilot
 from hal.frames import ZERO3
 from hal.interfaces import Clock, WireMessage
-from hal.latest import Latest
 from hal.readings import (
     Attitude,
     FlightMode,
-    LandedState,
     LocalPosition,
     StatusText,
     VehicleFacts,
     VehicleStatus,
 )
 from hal.setpoints import Reply, Request, RequestKind, Setpoint
-from hal.vehicle.px4_messages import (
-    CRITICAL,
-    STANDBY,
-    AttitudeMessage,
-    BootClock,
-    CurrentMode,
-    ExtendedSysState,
-    GlobalPositionInt,
-    Heartbeat,
-    LocalPositionNed,
-    Odometry,
-    RecentTexts,
-    StatusTextMessage,
-    SysStatus,
-    TextAssembler,
-)
+from hal.vehicle.telemetry import AUTOPILOT_COMPONENT, Telemetry
 
 _LOG = logging.getLogger(__name__)
 _NATIVE_LOG = logging.getLogger("hal.mavsdk")
@@ -101,23 +82,15 @@ CURRENT_MODE: PX4 looks so often whether the mode has changed, and sends it then
 second). HEARTBEAT, which tells the mode as well, stays at 1 Hz: PX4 refuses another rate.
 """
 
-_AUTOPILOT_COMPONENT = 1  # MAV_COMP_ID_AUTOPILOT1
 _HEARTBEATS_WAITED_FOR = 2  # one a second
 _SET_MESSAGE_INTERVAL = 511
 _RUN_PREARM_CHECKS = 401
-_TEXTS_KEPT = 128
-_VALID_FOR_S = 0.3  # LOCAL_POSITION_NED comes at 30 Hz while the estimate is valid
-_ODOMETRY_GONE_S = 0.5
 _PLACE_FRESH_S = 0.5
-_GLOBAL_FRESH_S = 1.0  # GLOBAL_POSITION_INT comes at 50 Hz, or at what another client asked for
 _TEXTS_COME_LATE_S = 0.15  # a text that explains a refusal may follow the acknowledgement
-_WARNINGS_COUNT_S = 15.0
 _TAKEOFF_ALTITUDE_TOLERANCE_M = 1e-3
 _VERSION_WAIT_S = 2.0
 _POLL_S = 0.02
 _ANSWERS_COME_S = 3.0  # the library gives a request up after 2 s of silence
-
-T = TypeVar("T", bound=msgspec.Struct)
 
 
 @functools.cache
@@ -208,25 +181,9 @@ class MavsdkVehicle:
         """Requests that the library has not called back for."""
         self._listeners: list[tuple[str, Callable[[WireMessage], None]]] = []
         self._system_id = 0
-        self._boot = BootClock()
-        self._restarts_seen = 0
-        self._heard_s = clock.now_s()
-        self._valid_s = -math.inf
-        self._odometry_s = -math.inf
-        self._position: Latest[LocalPosition] = Latest()
-        self._attitude: Latest[Attitude] = Latest()
-        self._heartbeat: Latest[Heartbeat] = Latest()
-        self._mode: Latest[FlightMode] = Latest()
-        """By HEARTBEAT or CURRENT_MODE, whichever came last: they tell the same state."""
-        self._global_s = -math.inf
-        self._landed: Latest[LandedState] = Latest()
-        self._health: Latest[SysStatus] = Latest()
-        self._assembler = TextAssembler()
-        self._texts: deque[StatusText] = deque(maxlen=_TEXTS_KEPT)
-        self._recent = RecentTexts()
+        self._drops = Drops()
+        self._telemetry = self._new_telemetry()
         self._stop_place: LocalPosition | None = None
-        self.unreadable = 0
-        """Messages that were no measurement or could not be decoded, since construction."""
         self.unsent = 0
         """Setpoints and messages that met a closed link or that the library refused."""
 
@@ -266,11 +223,11 @@ class MavsdkVehicle:
         system = await _first_autopilot(mavsdk)
         await _refuse_others_than_px4(system, self._config.connection)
         self._system_id = system.get_system_id()
-        self._forget_what_was_heard()
+        self._telemetry, self._stop_place = self._new_telemetry(), None
         link = await loop.run_in_executor(worker, self._plug_in, mavsdk, system)
         self._setpoints = _Setpoints(self._put_on_wire)
         self._ask_for_rates()
-        while self._heartbeat.get() is None:  # noqa: ASYNC110 - the cell's writer knows no event loop
+        while not self._telemetry.heard_heartbeat:  # noqa: ASYNC110 - the cell's writer knows no event loop
             await asyncio.sleep(_POLL_S)
         # What stands against arming was told before we came: it is told anew, for those who ask.
         self._command(_RUN_PREARM_CHECKS, (), lambda *_: None)
@@ -342,16 +299,8 @@ class MavsdkVehicle:
 
         return answered
 
-    def _forget_what_was_heard(self) -> None:
-        self._boot = BootClock()
-        self._restarts_seen = 0
-        self._valid_s = self._odometry_s = self._global_s = -math.inf
-        self._heard_s = self._clock.now_s()
-        self._position, self._attitude = Latest(), Latest()
-        self._heartbeat, self._landed, self._health = Latest(), Latest(), Latest()
-        self._mode = Latest()
-        self._assembler = TextAssembler()
-        self._stop_place = None
+    def _new_telemetry(self) -> Telemetry:
+        return Telemetry(self._clock, self._system_id, self._drops, self._ask_for_rates)
 
     def _plug_in(self, mavsdk: Mavsdk, system: System) -> _Link:
         direct = MavlinkDirect(system)
@@ -380,66 +329,34 @@ class MavsdkVehicle:
 
     def local_position(self) -> LocalPosition | None:
         """The newest valid estimate, or None before the first."""
-        return self._position.get()
+        return self._telemetry.local_position()
 
     def attitude(self) -> Attitude | None:
         """The newest attitude, or None before the first."""
-        return self._attitude.get()
+        return self._telemetry.attitude()
 
     def status(self) -> VehicleStatus:
         """The newest status; before the first heartbeat a disarmed vehicle that is not armable."""
-        heartbeat, health, landed = self._heartbeat.get(), self._health.get(), self._landed.get()
-        heard_s, now_s = self._heard_s, self._clock.now_s()
-        if heartbeat is None:
-            return VehicleStatus(
-                stamp_s=heard_s,
-                armed=False,
-                mode=FlightMode.UNKNOWN,
-                landed=LandedState.UNKNOWN,
-                link_age_s=max(0.0, now_s - heard_s),
-                armable=False,
-                not_armable_because="there was no heartbeat yet",
-            )
-        armable = heartbeat.armed or (
-            heartbeat.system_status >= STANDBY if health is None else health.prearm_ok
-        )
-        return VehicleStatus(
-            stamp_s=heard_s,
-            armed=heartbeat.armed,
-            mode=self._mode.get() or heartbeat.mode,
-            landed=landed if landed is not None else LandedState.UNKNOWN,
-            link_age_s=max(0.0, now_s - heard_s),
-            armable=armable,
-            not_armable_because="" if armable else self._why_not_armable(now_s),
-            battery_remaining=health.battery if health is not None else None,
-            in_failsafe=heartbeat.armed and heartbeat.system_status == CRITICAL,
-            global_position=now_s - self._global_s <= _GLOBAL_FRESH_S,
-        )
-
-    def _why_not_armable(self, now_s: float) -> str:
-        said = self._recent.since(now_s - _WARNINGS_COUNT_S)
-        return said or "its health checks fail; it does not say which"
+        return self._telemetry.status()
 
     def take_texts(self) -> tuple[StatusText, ...]:
         """Status texts since the last call, oldest first; at most the last 128."""
-        texts = []
-        with contextlib.suppress(IndexError):
-            while True:
-                texts.append(self._texts.popleft())
-        return tuple(texts)
+        return self._telemetry.take_texts()
+
+    def dropped(self) -> Dropped:
+        """See `hal.drops`; what is no MAVLink, or has a wrong checksum, the library drops."""
+        return self._drops.dropped()
 
     def listen(self, name: str, take: Callable[[WireMessage], None]) -> None:
         """See `hal.interfaces.MessageSource`."""
         self._listeners.append((name, take))
         with self._door:
             if self._link is not None:
-                self._hand_out(self._link.direct, name, take)
+                self._hand_out(self._link.direct, name, self._of_this_vehicle(name, take))
 
     def stamp_s(self, message: WireMessage, boot_s: float) -> float:
         """See `hal.interfaces.MessageSource`: only the autopilot's own clock is known."""
-        if message.component_id != _AUTOPILOT_COMPONENT:
-            return message.received_s
-        return self._boot.stamp_s(message.received_s, boot_s)
+        return self._telemetry.stamp_s(message, boot_s)
 
     def send_message(self, name: str, fields_json: str) -> None:
         """See `hal.interfaces.MessageSink`."""
@@ -458,35 +375,23 @@ class MavsdkVehicle:
 
     def _subscribe(self, direct: MavlinkDirect) -> None:
         """Every callback runs on the library's one callback thread, hence one writer per cell."""
-        self._on(direct, "HEARTBEAT", Heartbeat, self._take_heartbeat)
-        self._on(direct, "CURRENT_MODE", CurrentMode, self._take_mode)
-        self._on(direct, "GLOBAL_POSITION_INT", GlobalPositionInt, self._take_global_position)
-        self._on(direct, "EXTENDED_SYS_STATE", ExtendedSysState, self._take_landed)
-        self._on(direct, "SYS_STATUS", SysStatus, self._take_health)
-        self._on(direct, "ATTITUDE", AttitudeMessage, self._take_attitude)
-        self._on(direct, "LOCAL_POSITION_NED", LocalPositionNed, self._take_local_position)
-        self._on(direct, "ODOMETRY", Odometry, self._take_odometry)
-        self._on(direct, "STATUSTEXT", StatusTextMessage, self._take_text)
-        for name, take in self._listeners:
+        for name, take in self._telemetry.takers.items():
             self._hand_out(direct, name, take)
+        for name, take in self._listeners:
+            self._hand_out(direct, name, self._of_this_vehicle(name, take))
 
-    def _on(
-        self, direct: MavlinkDirect, name: str, kind: type[T], take: Callable[[T, float], None]
-    ) -> None:
-        """Decode the autopilot's messages of that name and pass them on with their reception."""
-        decoder = msgspec.json.Decoder(kind)
+    def _of_this_vehicle(
+        self, name: str, take: Callable[[WireMessage], None]
+    ) -> Callable[[WireMessage], None]:
+        """`take`, for what bears the vehicle's system id: others on the link are not aboard."""
 
-        def received(message: MavlinkMessage, _: object) -> None:
-            now_s = self._clock.now_s()
-            if message.component_id != _AUTOPILOT_COMPONENT or message.system_id != self._system_id:
-                return
-            self._heard_s = now_s
-            try:
-                take(decoder.decode(message.fields_json), now_s)
-            except (msgspec.DecodeError, ReadingRefused):
-                self.unreadable += 1
+        def taken(message: WireMessage) -> None:
+            if message.system_id == self._system_id:
+                take(message)
+            else:
+                self._drops.note(name, "another vehicle")
 
-        direct.subscribe_message(name, received)
+        return taken
 
     def _hand_out(
         self, direct: MavlinkDirect, name: str, take: Callable[[WireMessage], None]
@@ -502,58 +407,6 @@ class MavsdkVehicle:
             )
 
         direct.subscribe_message(name, received)
-
-    def _take_heartbeat(self, message: Heartbeat, _now_s: float) -> None:
-        self._mode.put(message.mode)
-        self._heartbeat.put(message)
-
-    def _take_mode(self, message: CurrentMode, _now_s: float) -> None:
-        self._mode.put(message.mode)
-
-    def _take_global_position(self, _message: GlobalPositionInt, now_s: float) -> None:
-        self._global_s = now_s
-
-    def _take_landed(self, message: ExtendedSysState, _now_s: float) -> None:
-        self._landed.put(message.landed)
-
-    def _take_health(self, message: SysStatus, _now_s: float) -> None:
-        self._health.put(message)
-
-    def _take_attitude(self, message: AttitudeMessage, now_s: float) -> None:
-        self._attitude.put(message.reading(self._noted(now_s, message.time_boot_ms * 1e-3)))
-
-    def _take_local_position(self, message: LocalPositionNed, now_s: float) -> None:
-        self._valid_s = now_s
-        if now_s - self._odometry_s > _ODOMETRY_GONE_S:
-            last = self._position.get()
-            self._position.put(
-                message.reading(
-                    self._noted(now_s, message.time_boot_ms * 1e-3),
-                    last.reset_counter if last is not None else 0,
-                )
-            )
-
-    def _take_odometry(self, message: Odometry, now_s: float) -> None:
-        reading = message.reading(self._noted(now_s, message.time_usec * 1e-6))
-        if reading is None:
-            return
-        self._odometry_s = now_s
-        if now_s - self._valid_s <= _VALID_FOR_S:
-            self._position.put(reading)
-
-    def _take_text(self, message: StatusTextMessage, now_s: float) -> None:
-        text = self._assembler.take(message, now_s)
-        if text is not None:
-            self._texts.append(text)
-            self._recent.put(text)
-
-    def _noted(self, now_s: float, boot_s: float) -> float:
-        stamp_s = self._boot.note(now_s, boot_s)
-        if self._boot.restarts != self._restarts_seen:
-            # A restarted autopilot has forgotten the rates.
-            self._restarts_seen = self._boot.restarts
-            self._ask_for_rates()
-        return stamp_s
 
     # ---------------------------------------------------------------- what it is asked
 
@@ -574,8 +427,7 @@ class MavsdkVehicle:
         if problem is None:
             return Reply(self._clock.now_s(), request.kind, accepted=True)
         await asyncio.sleep(_TEXTS_COME_LATE_S)
-        since_s = asked_s - (_WARNINGS_COUNT_S if request.kind is RequestKind.ARM else 0.0)
-        said = self._recent.since(since_s)
+        said = self._telemetry.why(asked_s, warnings_before=request.kind is RequestKind.ARM)
         reason = f"{request.kind.value} was not done: {problem}" + (
             f"; the vehicle says: {said}" if said else ""
         )
@@ -654,13 +506,13 @@ class MavsdkVehicle:
         values = parameters + (0,) * (7 - len(parameters))
         fields = {
             "target_system": self._system_id,
-            "target_component": _AUTOPILOT_COMPONENT,
+            "target_component": AUTOPILOT_COMPONENT,
             "command": command,
             "confirmation": 0,
             **{f"param{n}": value for n, value in enumerate(values, start=1)},
         }
         message = MavlinkMessage(
-            "COMMAND_LONG", 0, 0, self._system_id, _AUTOPILOT_COMPONENT, json.dumps(fields)
+            "COMMAND_LONG", 0, 0, self._system_id, AUTOPILOT_COMPONENT, json.dumps(fields)
         )
         with self._door:
             if self._link is None:
@@ -747,7 +599,7 @@ class MavsdkVehicle:
         For the deadman: any thread. True when Hold was asked for; whether it was granted, the
         heartbeat says. Another mode is a pilot's or PX4's choice and stays.
         """
-        if self._mode.get() is not FlightMode.OFFBOARD:
+        if self._telemetry.mode is not FlightMode.OFFBOARD:
             return False
         with self._door:
             if self._link is None:
@@ -761,7 +613,7 @@ class MavsdkVehicle:
         With `keep` the place of the last such call stays, as long as the frame did not jump.
         """
         now_s = self._clock.now_s()
-        position, attitude = self._position.get(), self._attitude.get()
+        position, attitude = self.local_position(), self.attitude()
         if position is None or attitude is None or now_s - position.stamp_s > _PLACE_FRESH_S:
             return None
         place = self._stop_place
@@ -777,7 +629,7 @@ class MavsdkVehicle:
         self._through_the_door(lambda o: o.set_position_velocity_ned(position, velocity))
 
     def _put_zero_velocity(self) -> None:
-        attitude = self._attitude.get()
+        attitude = self.attitude()
         yaw_deg = math.degrees(attitude.yaw_rad) if attitude is not None else math.nan
         velocity = VelocityNedYaw(0.0, 0.0, 0.0, yaw_deg)
         self._through_the_door(lambda o: o.set_velocity_ned(velocity))
@@ -905,7 +757,9 @@ def _read_parameter(link: _Link, name: str, kind: type[int] | type[float]) -> No
     """Into `link.parameters`; a name that the vehicle does not know stays absent."""
     read = link.param.get_param_int if kind is int else link.param.get_param_float
     try:
-        link.parameters[name] = float(read(name))
+        value = float(read(name))
+        if math.isfinite(value):
+            link.parameters[name] = value
     except ParamError as error:
         _LOG.info("parameter %s was not read: %s", name, error.result.name)
 

@@ -229,28 +229,35 @@ class BootClock:
     goes, its shortest delay stays. Forgetting follows a clock that runs at another rate: a
     simulated autopilot loses up to 20 ms/s, and by no more than that may the offset rise. What
     rises faster is a link that became slow: its messages are old, and stay so until the clock
-    could really have lost as much. A clock that goes back was restarted.
+    could really have lost as much.
+
+    A clock that leaps, back or ahead, was restarted, or somebody repeats old messages or makes new
+    ones up. A restart is believed when the new time goes on for 0.3 s and nobody speaks in the old.
     """
 
     WINDOW_S = 1.0
     DRIFT_S_PER_S = 0.02
-    _BACKWARDS_S = 1.0
+    LEAP_S = 1.0
+    INSISTS_S = 0.3
 
     def __init__(self) -> None:
         self._boot_s = -math.inf
         self._window_ends_s = -math.inf
-        self._least_s = math.inf
-        self._least_before_s = math.inf
-        self._ceiling_s = math.inf
+        self._claim: tuple[float, float] | None = None
+        """(reception, boot time) of the first message of another time."""
+        self._least_s = self._least_before_s = self._ceiling_s = math.inf
         self._noted_s = -math.inf
         self.restarts = 0
 
-    def note(self, received_s: float, boot_s: float) -> float:
-        """Learn from one message of the autopilot; returns its stamp."""
-        if boot_s < self._boot_s - self._BACKWARDS_S:
+    def note(self, received_s: float, boot_s: float) -> float | None:
+        """Learn from one message of the autopilot; its stamp, or None when its time leapt."""
+        if self._leaps(received_s, boot_s):
+            if not self._insists(received_s, boot_s):
+                return None
             self._least_s = self._least_before_s = self._ceiling_s = math.inf
             self._boot_s = boot_s
             self.restarts += 1
+        self._claim = None
         self._boot_s = max(self._boot_s, boot_s)
         offset_s = received_s - boot_s
         if received_s >= self._window_ends_s:
@@ -267,8 +274,27 @@ class BootClock:
         """When `boot_s` was, however long ago: never after `received_s`, which it is before
         anything was heard.
         """
-        offset_s = min(self._least_s, self._least_before_s, self._ceiling_s)
-        return min(received_s, boot_s + offset_s)
+        return min(received_s, boot_s + self._offset_s())
+
+    def _offset_s(self) -> float:
+        return min(self._least_s, self._least_before_s, self._ceiling_s)
+
+    def _leaps(self, received_s: float, boot_s: float) -> bool:
+        """True when it was sent long before what was heard last, or in the future."""
+        if self._boot_s == -math.inf:
+            return False
+        ahead_s = boot_s + self._offset_s() - received_s
+        return boot_s < self._boot_s - self.LEAP_S or ahead_s > self.LEAP_S
+
+    def _insists(self, received_s: float, boot_s: float) -> bool:
+        """True when the other time has gone on like a clock since it was first claimed."""
+        if self._claim is not None:
+            began_s, began_boot_s = self._claim
+            passed_s = received_s - began_s
+            if abs(boot_s - began_boot_s - passed_s) <= self.LEAP_S:
+                return passed_s >= self.INSISTS_S
+        self._claim = (received_s, boot_s)
+        return False
 
 
 class RecentTexts:

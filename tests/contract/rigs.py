@@ -20,7 +20,7 @@ from hal.config import AutopilotGnssConfig, BeamsConfig, SerialGnssConfig, Vehic
 from hal.gnss.autopilot_gnss import AutopilotGnss
 from hal.gnss.serial_receiver import PortState, SerialReceiver
 from hal.interfaces import Clock, GnssReceiver, RangeSensor, Vehicle
-from hal.ranging.distance_sensor import MavlinkDistanceSensor
+from hal.ranging.mavlink_beams import MavlinkBeams
 from hal.ranging.virtual_beams import VirtualBeams
 from hal.sim.autopilot import Autopilot
 from hal.sim.scenario import load_scenario
@@ -126,7 +126,7 @@ class SpokenRig:
         self.clock: Clock = simulated.clock
         self._sim_clock = simulated.sim_clock
         self.vehicle: Vehicle = simulated.vehicle
-        self.range_sensor: RangeSensor | None = MavlinkDistanceSensor(self.link, BeamsConfig())
+        self.range_sensor: RangeSensor | None = MavlinkBeams(self.link, BeamsConfig())
         self.gnss: GnssReceiver | None = AutopilotGnss(self.link)
         self._silent = False
         self._speaker: asyncio.Task[None] | None = None

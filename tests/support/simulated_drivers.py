@@ -9,6 +9,7 @@ import numpy as np
 from autonomy.config import Config
 from autonomy.serving import Drivers
 from hal.clock import SimClock
+from hal.drops import Dropped, Drops
 from hal.errors import ConnectionFailed
 from hal.interfaces import WireMessage
 from hal.readings import FlightMode, RangeReading, VehicleFacts
@@ -94,6 +95,10 @@ class DrivenBeams:
         """One tick's readings."""
         return self._rig.pass_time()
 
+    def dropped(self) -> Dropped:
+        """What the rig is told to have dropped."""
+        return self._rig.drops.dropped()
+
 
 class Rig:
     """One simulated vehicle in one scenario, and the service's drivers to it."""
@@ -103,6 +108,7 @@ class Rig:
             np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2)
         )
         self.clock = SimClock()
+        self.drops = Drops()
         self._period_s = 1.0 / config.control.rate_hz
         self.vehicle = DrivenVehicle(Autopilot(scenario, first), self.clock)
         self._beams = with_beam_faults(

@@ -26,7 +26,7 @@ RULES = Path("/etc/udev/rules.d/60-autonomy.rules")
 COMMAND = Path("/usr/local/bin/autonomy")
 KEPT = (Path("/var/lib/autonomy"), Path("/var/cache/autonomy"))
 USER = "autonomy"
-GROUPS = ("dialout", "i2c")
+GROUPS = ("dialout", "i2c", "gpio")
 CONFIGURATION = """\
 # What differs from the defaults; `autonomy config show` prints every key.
 vehicle:
@@ -68,7 +68,7 @@ def install(source: str) -> None:
     if not (PREFIX / "bin" / "python").exists():
         run(sys.executable, "-m", "venv", str(PREFIX))
     pip = (str(PREFIX / "bin" / "python"), "-m", "pip", "install", "--quiet", "--upgrade")
-    run(*pip, f"{source}[service]")
+    run(*pip, f"{source}[service,hardware]")
     link(COMMAND, PREFIX / "bin" / "autonomy")
     SETTINGS.mkdir(mode=0o755, exist_ok=True)
     settings = SETTINGS / "config.yaml"
@@ -105,7 +105,7 @@ def remove(*, purge: bool) -> None:
 
 
 def make_user() -> None:
-    """The service's own user, in the groups that own serial ports and I2C buses."""
+    """The service's own user, in the groups that own serial ports, I2C buses and GPIO lines."""
     for group in GROUPS:
         try:
             grp.getgrnam(group)

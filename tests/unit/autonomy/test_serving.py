@@ -100,6 +100,17 @@ async def test_missions_begin_where_the_last_one_ended_and_keep_the_room_s_frame
     assert 'autonomy_missions_total{ending="goal_reached"} 3.0' in text
 
 
+async def test_what_the_sensors_drop_is_counted_for_people_to_see(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+    stage.rig.drops.note("DISTANCE_SENSOR", "unreadable", 3)
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        text = stage.metrics.text().decode()
+        stage.service.stop()
+    assert 'autonomy_dropped_total{reason="unreadable",source="DISTANCE_SENSOR"} 3.0' in text
+
+
 async def test_a_goal_is_checked_against_the_fence_where_it_stands_not_where_the_vehicle_is(
     tmp_path: Path,
 ) -> None:

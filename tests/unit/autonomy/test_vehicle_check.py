@@ -135,6 +135,14 @@ def test_each_thing_that_is_wrong_is_a_sentence(
     assert all(finding.bad for finding in found) is grave
 
 
+def test_what_was_not_believed_is_told_and_what_others_say_is_not() -> None:
+    dropped = {("ODOMETRY", "its time leapt"): 7, ("HEARTBEAT", "another sender"): 3}
+    found = judged(Config(), FACTS, GOOD, look(dropped=dropped))
+    (finding,) = (f for f in found if "not believed" in str(f))
+    assert str(finding).endswith("not believed: ODOMETRY 7 times (its time leapt)")
+    assert not finding.bad
+
+
 def test_a_position_that_wanders_or_jumps_is_noted() -> None:
     wandering = [
         LocalPosition(k / 30, (0.01 * k, 0.0, 0.0), (0.3, 0.0, 0.0), int(k > 45)) for k in range(90)

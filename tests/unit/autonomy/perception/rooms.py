@@ -15,6 +15,7 @@ from hal.readings import RangeReading, RangeStatus
 
 MIN_M, MAX_M = 0.02, 1.0
 TURN_RAD_S = math.radians(60.0)
+LATENCY_S = 0.02
 
 Wall = tuple[Point, Point]
 Disc = tuple[Point, float]
@@ -86,7 +87,7 @@ def fused_at(
 
 @dataclass
 class Flight:
-    """A vehicle on a path `where(time)`, turning; its readings are late by the latency."""
+    """A vehicle on a path `where(time)`, turning; its readings come `LATENCY_S` late."""
 
     room: Room
     obstacles: ObstacleMap
@@ -111,7 +112,7 @@ class Flight:
 
     def tick(self) -> None:
         self.now_s += 1.0 / self.rate_hz
-        taken_at = self.now_s - self.beams.latency_s
+        taken_at = self.now_s - LATENCY_S
         true = self.where(taken_at)
         yaw = self.yaw_at(taken_at)
         readings = tuple(
@@ -144,4 +145,4 @@ class Flight:
         noise_m = 0.0
         if self.noise is not None and true_m <= MAX_M:
             noise_m = float(self.noise.normal(0.0, 0.01 + 0.01 * true_m))
-        return self.room.reading(self.now_s, mount.name, true_m, noise_m)
+        return self.room.reading(self.now_s - LATENCY_S, mount.name, true_m, noise_m)

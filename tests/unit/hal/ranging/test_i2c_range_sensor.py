@@ -9,8 +9,8 @@ from hal import registry
 from hal.clock import MonotonicClock, SimClock
 from hal.config import BeamMount, BeamsConfig, I2cDriver, six_beams
 from hal.errors import ConnectionFailed
-from hal.ranging.distance_sensor import MavlinkDistanceSensor
 from hal.ranging.i2c_range_sensor import I2cRangeSensor
+from hal.ranging.mavlink_beams import MavlinkBeams
 from hal.ranging.ranger import Limits, Measured
 from hal.ranging.waiter import ThreadWaiter
 from hal.readings import RangeStatus
@@ -34,9 +34,9 @@ def test_what_no_sensor_here_has_comes_over_mavlink() -> None:
     config = beams({**MUX, "beam": "front", "mux_channel": 0}, behind)
     assert [m.name for m in config.over_mavlink()] == ["right", "back", "left", "down"]
     sensors = registry.range_sensors(config, SpokenLink(), MonotonicClock())
-    assert [type(sensor) for sensor in sensors] == [I2cRangeSensor, MavlinkDistanceSensor]
+    assert [type(sensor) for sensor in sensors] == [I2cRangeSensor, MavlinkBeams]
     (only,) = registry.range_sensors(BeamsConfig(), SpokenLink(), MonotonicClock())
-    assert isinstance(only, MavlinkDistanceSensor)
+    assert isinstance(only, MavlinkBeams)
 
 
 def test_when_all_beams_are_here_nobody_listens_to_the_link() -> None:
