@@ -4,6 +4,7 @@ import asyncio
 
 import msgspec
 
+from hal.boot_clock import BootClock
 from hal.drops import Dropped, Drops
 from hal.errors import ConnectionFailed, ReadingRefused
 from hal.interfaces import MessageSource, WireMessage
@@ -99,6 +100,7 @@ class AutopilotGnss:
         self._listening = False
         self._open = False
         self._drops = Drops()
+        self._boot = BootClock()
 
     def dropped(self) -> Dropped:
         """See `hal.drops`: messages that were no measurement, or another component's."""
@@ -110,7 +112,7 @@ class AutopilotGnss:
         Raises ConnectionFailed when none comes within `deadline_s`. Cancelling closes it.
         """
         self._open = True
-        self._fix = Latest()
+        self._fix, self._boot = Latest(), BootClock()
         if not self._listening:
             self._listening = True
             self._source.listen(_MESSAGE, self._take)
@@ -144,6 +146,12 @@ class AutopilotGnss:
             return
         try:
             fields = self._decoder.decode(message.fields_json)
-            self._fix.put(fields.reading(self._source.stamp_s(message, fields.time_usec * 1e-6)))
+            sent_s = fields.time_usec * 1e-6
+            fix = fields.reading(self._source.stamp_s(message, sent_s))
         except (msgspec.DecodeError, ReadingRefused):
             self._drops.note(_MESSAGE, "unreadable")
+            return
+        if self._boot.note(message.received_s, sent_s) is None:
+            self._drops.note(_MESSAGE, "its time leapt")
+            return
+        self._fix.put(fix)

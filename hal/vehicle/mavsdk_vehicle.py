@@ -352,7 +352,7 @@ class MavsdkVehicle:
         self._listeners.append((name, take))
         with self._door:
             if self._link is not None:
-                self._hand_out(self._link.direct, name, self._of_this_vehicle(name, take))
+                self._hand_out(self._link.direct, name, self._telemetry.of_this_vehicle(name, take))
 
     def stamp_s(self, message: WireMessage, boot_s: float) -> float:
         """See `hal.interfaces.MessageSource`: only the autopilot's own clock is known."""
@@ -378,20 +378,7 @@ class MavsdkVehicle:
         for name, take in self._telemetry.takers.items():
             self._hand_out(direct, name, take)
         for name, take in self._listeners:
-            self._hand_out(direct, name, self._of_this_vehicle(name, take))
-
-    def _of_this_vehicle(
-        self, name: str, take: Callable[[WireMessage], None]
-    ) -> Callable[[WireMessage], None]:
-        """`take`, for what bears the vehicle's system id: others on the link are not aboard."""
-
-        def taken(message: WireMessage) -> None:
-            if message.system_id == self._system_id:
-                take(message)
-            else:
-                self._drops.note(name, "another vehicle")
-
-        return taken
+            self._hand_out(direct, name, self._telemetry.of_this_vehicle(name, take))
 
     def _hand_out(
         self, direct: MavlinkDirect, name: str, take: Callable[[WireMessage], None]

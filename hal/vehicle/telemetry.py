@@ -11,6 +11,7 @@ from typing import TypeVar
 
 import msgspec
 
+from hal.boot_clock import BootClock
 from hal.drops import Drops
 from hal.errors import ReadingRefused
 from hal.interfaces import Clock, WireMessage
@@ -25,9 +26,9 @@ from hal.readings import (
 )
 from hal.vehicle.px4_messages import (
     CRITICAL,
+    PX4,
     STANDBY,
     AttitudeMessage,
-    BootClock,
     CurrentMode,
     ExtendedSysState,
     GlobalPositionInt,
@@ -176,6 +177,17 @@ class Telemetry:
 
     # ---------------------------------------------------------------- what comes in
 
+    def of_this_vehicle(self, name: str, take: Take) -> Take:
+        """`take`, for what bears the vehicle's system id: others on the link are not aboard."""
+
+        def taken(message: WireMessage) -> None:
+            if message.system_id == self._system_id:
+                take(message)
+            else:
+                self._drops.note(name, "another vehicle")
+
+        return taken
+
     def _taker(self, name: str, kind: type[T], take: Callable[[T, float], None]) -> Take:
         """Decode the autopilot's messages of that name and pass them on with their reception."""
         decoder = msgspec.json.Decoder(kind)
@@ -193,6 +205,9 @@ class Telemetry:
         return taken
 
     def _take_heartbeat(self, message: Heartbeat, _now_s: float) -> None:
+        if message.autopilot != PX4:
+            self._drops.note("HEARTBEAT", "another sender")
+            return
         self._mode.put(message.mode)
         self._heartbeat.put(message)
 

@@ -78,11 +78,23 @@ def test_the_autopilots_ring_is_made_of_what_its_sensors_said() -> None:
     assert verdicts((0.0, COMPANION, at(0.5)), (0.1, RING, at(0.5)))[1] == "believed"
 
 
-def test_what_was_sent_before_the_newest_is_late_until_the_source_was_silent() -> None:
+def test_what_was_sent_before_the_newest_is_late() -> None:
     rivals = RivalSources(FRESH_S)
-    said = [(0.0, 10.0), (0.1, 9.9), (0.2, 1e9), (0.25, 10.2), (0.49, 10.4), (0.51, 10.5)]
+    said = [(0.0, 10.0), (0.1, 9.9), (0.2, 10.2), (0.3, 10.2), (0.4, 10.1)]
     verdicts = [rivals.judge(OWN, at(0.5), now_s, sent_s).value for now_s, sent_s in said]
-    assert verdicts == ["believed", "late", "believed", "late", "late", "believed"]
+    assert verdicts == ["believed", "late", "believed", "believed", "late"]
+
+
+def test_a_made_up_time_hides_no_true_one_and_a_clock_that_began_anew_is_believed() -> None:
+    rivals = RivalSources(FRESH_S)
+    said = [
+        (0.0, 10.0),
+        (0.05, 1e9),
+        (0.1, 10.1),
+        *((0.2 + n / 10, 1.0 + n / 10) for n in range(5)),
+    ]
+    verdicts = [rivals.judge(OWN, at(0.5), now_s, sent_s).value for now_s, sent_s in said]
+    assert verdicts == ["believed", "late", "believed", *["late"] * 3, *["believed"] * 2]
 
 
 def test_made_up_sources_cost_bounded_memory_and_hide_no_return() -> None:
