@@ -251,8 +251,12 @@ def with_scenario(config: Config, scenario: Scenario) -> Config:
     has. The sensors of this computer, and their calibration, are those of another vehicle.
     """
     guard = config.guard.model_copy(update={"fence": scenario.fence})
-    ideal = {"offset_m": 0.0, "sigma_m": 0.0}
-    mounts = tuple(mount.model_copy(update=ideal) for mount in config.beams.mounts)
+    simulated = {
+        "half_angle_deg": scenario.beams.half_angle_deg,
+        "offset_m": 0.0,
+        "sigma_m": 0.0,
+    }
+    mounts = tuple(mount.model_copy(update=simulated) for mount in config.beams.mounts)
     beams = config.beams.model_copy(update={"mounts": mounts, "drivers": (MavlinkDriver(),)})
     return config.model_copy(update={"guard": guard, "beams": beams})
 

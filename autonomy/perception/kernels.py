@@ -15,6 +15,8 @@ The state is a handful of arrays owned by `ObstacleMap`:
     cell_of (capacity,) int64    flat index of the point's slot
     counters (4,) int64          COUNT, VERSION, APPEARED, CLEARED
     beams (beams, 8) float64     the last ray of each beam, columns B_...
+    cones (CONES, 11) float64    the latest readings of wide beams, a ring, columns C_...
+    open_bits (CONES,) int64     for each of them which points of its arc may hold what it saw
     params (..,) float64         columns P_...
 
 The list of points is dense: a removed point is replaced by the last one.
@@ -35,7 +37,7 @@ NOTHING, FREE, HIT = 0, 1, 2
 
 SURFACE, EDGE, LAYERS = 0, 1, 2
 
-COUNT, VERSION, APPEARED, CLEARED, COUNTERS = 0, 1, 2, 3, 4
+COUNT, VERSION, APPEARED, CLEARED, NEXT_CONE, COUNTERS = 0, 1, 2, 3, 4, 5
 
 P_CELL = 0  # m
 P_GAIN = 1
@@ -54,10 +56,34 @@ P_BODY = 13
 PARAMS = 14
 
 R_STAMP, R_BEAM, R_KIND, R_NORTH, R_EAST, R_COS, R_SIN, R_LENGTH, R_CENTRE_N, R_CENTRE_E = range(10)
-RAY_COLUMNS = 10
+R_HALF, R_FREE = 10, 11
+RAY_COLUMNS = 12
 
 B_KIND, B_STAMP, B_X, B_Y, B_COS, B_SIN, B_LENGTH, B_PERIOD = range(8)
 BEAM_COLUMNS = 8
+
+C_STAMP, C_BEAM, C_X, C_Y, C_COS, C_SIN = range(6)
+C_LENGTH = 6  # where the arc is
+C_REACH = 7  # nothing is nearer than this, inside the cone
+C_ARC = 8  # half the arc's angle
+C_TAN = 9  # tangent of half the angle within which the cone surely sees
+C_ROUND = 10  # radius about the arc's middle that holds all of it
+CONE_COLUMNS = 11
+
+CONES = 256
+"""How many readings of wide beams are remembered."""
+CONE_AGE_S = 2.0
+"""And for how long: one turn of the scan and a little more."""
+ARC_POINTS = 21
+ARC_MARGIN = math.radians(1.5)
+"""An arc reaches this much beyond the beam's half angle, and free space stays this far inside."""
+CARVE_M = 0.02
+CARVE_SHARE = 0.025
+"""A cone rules out what is nearer than its range by this much and this share of the range."""
+SHORT_ARC_M = 0.13
+"""An arc this short is a hit as it is."""
+PASSABLE_M = 0.40
+"""A gap that cannot be seen into is a way only when it is wider than this."""
 
 # A gap this many times the beam's own period is a dropped reading.
 DROPPED_RATIO = 1.6
@@ -261,6 +287,166 @@ def _join(slot, seen, points, evidence, born, cell_of, counters, beams, params, 
 
 
 @njit(cache=True)
+def _see_cone(
+    slot, seen, points, evidence, born, cell_of, counters, params, x, y, ux, uy, tan, far, sure, stamp
+):
+    """Mark the sector's cells to `far` as seen, and take evidence from its points up to `sure`."""
+    cos = 1.0 / math.sqrt(1.0 + tan * tan)
+    sin = tan * cos
+    low_x = high_x = x
+    low_y = high_y = y
+    for side in (-1.0, 0.0, 1.0):
+        ex = x + far * (ux * cos - side * uy * sin) if side != 0.0 else x + far * ux
+        ey = y + far * (uy * cos + side * ux * sin) if side != 0.0 else y + far * uy
+        low_x, high_x = min(low_x, ex), max(high_x, ex)
+        low_y, high_y = min(low_y, ey), max(high_y, ey)
+    # The arc bulges beyond its ends and its middle by less than a cell.
+    for i in range(max(0, math.floor(low_x) - 1), min(slot.shape[0], math.floor(high_x) + 2)):
+        for j in range(max(0, math.floor(low_y) - 1), min(slot.shape[1], math.floor(high_y) + 2)):
+            for layer in range(LAYERS):
+                s = slot[i, j, layer]
+                if s < 0:
+                    continue
+                px = points[s, 0] - x
+                py = points[s, 1] - y
+                ahead = px * ux + py * uy
+                if abs(py * ux - px * uy) <= ahead * tan and px * px + py * py <= sure * sure:
+                    _miss(slot, points, evidence, born, cell_of, counters, params, s)
+            cx = i + 0.5 - x
+            cy = j + 0.5 - y
+            if (
+                seen[i, j] < stamp
+                and abs(cy * ux - cx * uy) <= (cx * ux + cy * uy) * tan
+                and cx * cx + cy * cy <= far * far
+            ):
+                seen[i, j] = stamp
+
+
+@njit(cache=True)
+def _arc_point(cone, k):
+    """Point `k` of a cone's arc, counted against the clock... from one end to the other."""
+    angle = cone[C_ARC] * (2.0 * k / (ARC_POINTS - 1) - 1.0)
+    cos = math.cos(angle)
+    sin = math.sin(angle)
+    return (
+        cone[C_X] + cone[C_LENGTH] * (cone[C_COS] * cos - cone[C_SIN] * sin),
+        cone[C_Y] + cone[C_LENGTH] * (cone[C_SIN] * cos + cone[C_COS] * sin),
+    )
+
+
+@njit(cache=True)
+def _carve(bits, arc, cone):
+    """What is left of an arc's points when those that `cone` rules out are taken away."""
+    dx = arc[C_X] + arc[C_LENGTH] * arc[C_COS] - cone[C_X]
+    dy = arc[C_Y] + arc[C_LENGTH] * arc[C_SIN] - cone[C_Y]
+    ux, uy, tan = cone[C_COS], cone[C_SIN], cone[C_TAN]
+    near = arc[C_ROUND]
+    reach = cone[C_REACH]
+    beside = abs(dy * ux - dx * uy) - near * math.sqrt(1.0 + tan * tan)
+    if beside > (dx * ux + dy * uy) * tan or dx * dx + dy * dy > (reach + near) ** 2:
+        return bits
+    for k in range(ARC_POINTS):
+        if bits >> k & 1:
+            px, py = _arc_point(arc, k)
+            px -= cone[C_X]
+            py -= cone[C_Y]
+            if (
+                px * px + py * py < reach * reach
+                and abs(py * ux - px * uy) <= (px * ux + py * uy) * tan
+            ):
+                bits &= ~(1 << k)
+    return bits
+
+
+@njit(cache=True)
+def _settle(
+    slot, points, evidence, born, cell_of, counters, params, cone, bits
+):
+    """Turn what is left of an arc into hits."""
+    step = 2.0 * cone[C_ARC] / (ARC_POINTS - 1) * cone[C_LENGTH]
+    begin = 0
+    while begin < ARC_POINTS:
+        if not bits >> begin & 1:
+            begin += 1
+            continue
+        end = begin
+        while end + 1 < ARC_POINTS and bits >> (end + 1) & 1:
+            end += 1
+        whole = (end - begin) * step <= PASSABLE_M / params[P_CELL]
+        for k in range(begin, end + 1):
+            if whole or k < begin + 2 or k > end - 2:
+                x, y = _arc_point(cone, k)
+                _add_hit(
+                    slot, points, evidence, born, cell_of, counters, params, x, y, SURFACE
+                )
+        begin = end + 1
+
+
+@njit(cache=True)
+def _take_cone(
+    slot, seen, points, evidence, born, cell_of, counters, cones, open_bits, params, b, ray, half, free
+):
+    """One reading of a wide beam: free space, fewer places for earlier arcs, and its own arc."""
+    cell = params[P_CELL]
+    x, y, ux, uy = ray[B_X], ray[B_Y], ray[B_COS], ray[B_SIN]
+    length, stamp = ray[B_LENGTH], ray[B_STAMP]
+    hit = ray[B_KIND] == HIT
+    clear = min(length, free)
+    tan = math.tan(max(half - ARC_MARGIN, 0.5 * half))
+    far = clear - (params[P_HIT_SHRINK] if hit else params[P_FREE_SHRINK])
+    if far > 0.0:
+        _see_cone(
+            slot, seen, points, evidence, born, cell_of, counters, params,
+            x, y, ux, uy, tan, far, clear - params[P_FREE_SHRINK], stamp,
+        )
+    at = counters[NEXT_CONE]
+    counters[NEXT_CONE] = (at + 1) % CONES
+    new = cones[at]
+    if open_bits[at] != 0:
+        _settle(slot, points, evidence, born, cell_of, counters, params, new, open_bits[at])
+    new[C_STAMP] = stamp
+    new[C_BEAM] = b
+    new[C_X] = x
+    new[C_Y] = y
+    new[C_COS] = ux
+    new[C_SIN] = uy
+    new[C_LENGTH] = length
+    new[C_REACH] = clear - CARVE_M / cell - CARVE_SHARE * length
+    new[C_ARC] = half + ARC_MARGIN
+    new[C_TAN] = tan
+    new[C_ROUND] = 2.0 * length * math.sin(0.5 * new[C_ARC])
+    bits = (1 << ARC_POINTS) - 1 if hit else 0
+    open_bits[at] = 0
+    for c in range(CONES):
+        if c == at or cones[c, C_STAMP] < stamp - CONE_AGE_S:
+            continue
+        if bits != 0:
+            bits = _carve(bits, new, cones[c])
+        if open_bits[c] != 0:
+            open_bits[c] = _carve(open_bits[c], cones[c], new)
+    if bits != 0 and 2.0 * new[C_ARC] * length <= SHORT_ARC_M / cell:
+        _settle(slot, points, evidence, born, cell_of, counters, params, new, bits)
+        bits = 0
+    open_bits[at] = bits
+
+
+@njit(cache=True)
+def _settle_passed(
+    slot, points, evidence, born, cell_of, counters, cones, open_bits, beams, params, stamp
+):
+    """Settle the arcs that their beam has turned away from, and those that are old."""
+    for c in range(CONES):
+        if open_bits[c] == 0:
+            continue
+        cone = cones[c]
+        b = int(cone[C_BEAM])
+        turned = cone[C_COS] * beams[b, B_COS] + cone[C_SIN] * beams[b, B_SIN]
+        if turned < math.cos(2.0 * cone[C_ARC]) or cone[C_STAMP] < stamp - CONE_AGE_S:
+            _settle(slot, points, evidence, born, cell_of, counters, params, cone, open_bits[c])
+            open_bits[c] = 0
+
+
+@njit(cache=True)
 def integrate(
     slot,
     seen,
@@ -270,6 +456,8 @@ def integrate(
     cell_of,
     counters,
     beams,
+    cones,
+    open_bits,
     params,
     rays,
     count,
@@ -285,6 +473,7 @@ def integrate(
     counters[CLEARED] = 0
     cell = params[P_CELL]
     taken = 0
+    wide = False
     ray = np.empty(BEAM_COLUMNS)
     for k in range(count):
         b = int(rays[k, R_BEAM])
@@ -303,6 +492,17 @@ def integrate(
         ray[B_LENGTH] = rays[k, R_LENGTH] / cell
         x, y, ux, uy = ray[B_X], ray[B_Y], ray[B_COS], ray[B_SIN]
         length = ray[B_LENGTH]
+        half = rays[k, R_HALF]
+        if half > 0.0:
+            wide = True
+            if kind != NOTHING:
+                free = rays[k, R_FREE] / cell
+                _take_cone(
+                    slot, seen, points, evidence, born, cell_of, counters, cones, open_bits, params,
+                    b, ray, half, free,
+                )
+            beams[b, :B_PERIOD] = ray[:B_PERIOD]
+            continue
         if kind != NOTHING:
             reach = length - params[P_FREE_SHRINK]
             if reach > 0.0:
@@ -328,6 +528,11 @@ def integrate(
         beams[b, :B_PERIOD] = ray[:B_PERIOD]
     if taken > 0:
         last = count - 1
+        if wide:
+            _settle_passed(
+                slot, points, evidence, born, cell_of, counters, cones, open_bits, beams, params,
+                rays[last, R_STAMP],
+            )
         _see_disc(
             seen,
             (rays[last, R_CENTRE_N] - north0) / cell,
@@ -618,7 +823,9 @@ def warm_up() -> None:
     rays = np.zeros((1, RAY_COLUMNS))
     params = np.ones(PARAMS)
     listed = (slot, seen, points, evidence, born, cell_of, counters)
-    integrate(*listed, beams, params, rays, 1, 0.0, 0.0)
+    cones = np.full((CONES, CONE_COLUMNS), -np.inf)
+    open_bits = np.zeros(CONES, dtype=np.int64)
+    integrate(*listed, beams, cones, open_bits, params, rays, 1, 0.0, 0.0)
     see_disc(seen, params, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
     free_distance(slot, seen, points, evidence, params, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0)
     nearest(points, evidence, counters, params, 0.0, 0.0, 0.0, 0.0)

@@ -55,6 +55,8 @@ class ObstacleMap:
         self._cell_of = np.zeros(1024, dtype=np.int64)
         self._counters = np.zeros(kernels.COUNTERS, dtype=np.int64)
         self._beams = _no_rays(8)
+        self._cones = np.full((kernels.CONES, kernels.CONE_COLUMNS), -np.inf)
+        self._open_bits = np.zeros(kernels.CONES, dtype=np.int64)
         self._rays, self._ray_bytes = _ray_table(16)
         self._params = _parameters(config, body_radius_m)
         self._now_s: float | None = None
@@ -93,6 +95,8 @@ class ObstacleMap:
                 ray.length_m,
                 centre[0],
                 centre[1],
+                ray.half_angle_rad,
+                ray.free_m,
             )
             offset += _ROW.size
         counters = self._counters
@@ -106,6 +110,8 @@ class ObstacleMap:
             self._cell_of,
             counters,
             self._beams,
+            self._cones,
+            self._open_bits,
             self._params,
             self._rays,
             len(rays),
@@ -177,6 +183,8 @@ class ObstacleMap:
             float(keep_disc_m),
         )
         self._counters[kernels.APPEARED] = 0
+        self._cones.fill(-np.inf)
+        self._open_bits.fill(0)
         self._hits = None
         self._count_changes()
 
@@ -371,7 +379,10 @@ class ObstacleMap:
         beams = 1 + max(ray.beam for ray in rays)
         if beams > len(self._beams):
             self._beams = np.concatenate((self._beams, _no_rays(beams - len(self._beams))))
-        while self._count + 2 * len(rays) > len(self._points):
+        new = 2 * len(rays)
+        if any(ray.half_angle_rad > 0.0 for ray in rays):
+            new += kernels.ARC_POINTS * (len(rays) + int(np.count_nonzero(self._open_bits)))
+        while self._count + new > len(self._points):
             self._points = _doubled(self._points)
             self._evidence = _doubled(self._evidence)
             self._born = _doubled(self._born)
@@ -400,6 +411,8 @@ class ObstacleMap:
         self._counters[kernels.COUNT] = left
         self._beams[:, kernels.B_X] += rows
         self._beams[:, kernels.B_Y] += columns
+        self._cones[:, kernels.C_X] += rows
+        self._cones[:, kernels.C_Y] += columns
 
 
 def representative_hits(hits: FloatArray, spacing_m: float) -> FloatArray:

@@ -42,6 +42,8 @@ class Ray(msgspec.Struct, frozen=True, gc=False):
     elevation_rad: float
     length_m: float
     centre: Point
+    half_angle_rad: float = 0.0
+    free_m: float = math.inf
 
 
 class Pose(msgspec.Struct, frozen=True, gc=False):
@@ -62,6 +64,7 @@ class _Mount(msgspec.Struct, frozen=True):
     index: int
     direction_frd: Vector3
     face_frd_m: Vector3
+    half_angle_rad: float
 
 
 HISTORY_POSES = 40
@@ -91,6 +94,7 @@ class Projector:
                     index,
                     (level * math.cos(yaw), level * math.sin(yaw), -math.sin(pitch)),
                     (mount.forward_m, mount.right_m, mount.down_m),
+                    math.radians(mount.half_angle_deg),
                 )
 
     def step(self, fused: FusedState, ranges: Iterable[RangeReading]) -> tuple[Ray, ...]:
@@ -181,6 +185,7 @@ class Projector:
             math.asin(max(-1.0, min(1.0, -down))),
             length * math.hypot(north, east),
             (position[0], position[1]),
+            mount.half_angle_rad,
         )
 
     def _kind_and_length(
