@@ -36,8 +36,9 @@ class BeamMount(Section):
     forward_m: Finite = 0.0
     right_m: Finite = 0.0
     down_m: Finite = 0.0
-    half_angle_deg: Annotated[float, Field(ge=0.0, le=30.0)] = 0.0
-    """How far off its axis the beam still sees: 0 is a thin ray, a VL53L0X has 12.5."""
+    half_angle_deg: Annotated[float, Field(ge=0.0, le=30.0)] | None = None
+    """How far off its axis the beam still sees; 0 is a thin ray. null: what the data sheet says of
+    the sensor that is listed for it under `drivers`, else 0 (`BeamsConfig.half_angle_deg`)."""
     offset_m: Finite = 0.0
     """How much the sensor reads too far; every driver takes it off (`autonomy calibrate`)."""
     sigma_m: NonNegative = 0.0
@@ -130,6 +131,11 @@ class Vl53l0xConfig(TofPlace):
     sigma_max_m: Positive = 0.018
     """Above this estimated noise a reading is SUSPECT."""
 
+    @property
+    def half_angle_deg(self) -> float:
+        """Of the cone in which it sees (data sheet: 25 degrees in all)."""
+        return 12.5
+
 
 class Vl53l1xConfig(TofPlace):
     """One VL53L1X. The region of interest narrows the cone: 16 x 16 diodes see 27 degrees."""
@@ -150,6 +156,15 @@ class Vl53l1xConfig(TofPlace):
         if max(self.roi_width, self.roi_height) > 10 and self.roi_centre != 199:
             raise ValueError("a region wider than 10 can only be centred at 199")
         return self
+
+    @property
+    def half_angle_deg(self) -> float:
+        """Of the cone in which it sees: 15 degrees in all with 4 x 4 diodes, 20 with 8 x 8, 27
+        with 16 x 16 (data sheet), along a straight line in between; a region that is not square
+        sees as far as its longer side.
+        """
+        side = max(self.roi_width, self.roi_height)
+        return 7.5 + 0.625 * (side - 4) if side <= 8 else 10.0 + 0.4375 * (side - 8)
 
 
 class PowerCurve(Section):
@@ -315,6 +330,17 @@ class BeamsConfig(Section):
                 "or {driver: mavlink}"
             )
         return self
+
+    def half_angle_deg(self, name: str) -> float:
+        """Of the cone in which the beam called `name` sees: as its mount says, else as its sensor
+        does, else 0, a thin ray. Raises KeyError when there is no such mount.
+        """
+        told = self.mount(name).half_angle_deg
+        if told is not None:
+            return told
+        sensors = (sensor for driver in self._on_i2c() for sensor in driver.sensors)
+        found = next((sensor for sensor in sensors if sensor.beam == name), None)
+        return found.half_angle_deg if isinstance(found, Vl53l0xConfig | Vl53l1xConfig) else 0.0
 
     def virtual(self) -> VirtualDriver | None:
         """The driver of virtual beams, where there is one; it has all beams then."""

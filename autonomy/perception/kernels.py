@@ -146,10 +146,12 @@ def _add_hit(slot, points, evidence, born, cell_of, counters, params, x, y, laye
 
 
 @njit(cache=True)
-def _miss(slot, points, evidence, born, cell_of, counters, params, s):
-    """Evidence against the point `s`: a ray went through it."""
-    evidence[s] -= 1
-    if evidence[s] == int(params[P_OCCUPIED]) - 1:
+def _miss(slot, points, evidence, born, cell_of, counters, params, s, loss):
+    """Evidence against the point `s`: a ray went through it, or a free cone holds it."""
+    occupied_from = int(params[P_OCCUPIED])
+    before = evidence[s]
+    evidence[s] = before - loss
+    if before >= occupied_from > evidence[s]:
         counters[CLEARED] += 1
     if evidence[s] <= 0:
         _remove_point(slot, points, evidence, born, cell_of, counters, s)
@@ -180,7 +182,7 @@ def _clear_along(slot, points, evidence, born, cell_of, counters, params, x, y, 
                 dy = points[s, 1] - y
                 a = dx * ux + dy * uy
                 if 0.0 <= a <= length and abs(dy * ux - dx * uy) <= near:
-                    _miss(slot, points, evidence, born, cell_of, counters, params, s)
+                    _miss(slot, points, evidence, born, cell_of, counters, params, s, 1)
 
 
 @njit(cache=True)
@@ -288,7 +290,22 @@ def _join(slot, seen, points, evidence, born, cell_of, counters, beams, params, 
 
 @njit(cache=True)
 def _see_cone(
-    slot, seen, points, evidence, born, cell_of, counters, params, x, y, ux, uy, tan, far, sure, stamp
+    slot,
+    seen,
+    points,
+    evidence,
+    born,
+    cell_of,
+    counters,
+    params,
+    x,
+    y,
+    ux,
+    uy,
+    tan,
+    far,
+    sure,
+    stamp,
 ):
     """Mark the sector's cells to `far` as seen, and take evidence from its points up to `sure`."""
     cos = 1.0 / math.sqrt(1.0 + tan * tan)
@@ -300,6 +317,7 @@ def _see_cone(
         ey = y + far * (uy * cos + side * ux * sin) if side != 0.0 else y + far * uy
         low_x, high_x = min(low_x, ex), max(high_x, ex)
         low_y, high_y = min(low_y, ey), max(high_y, ey)
+    gain = int(params[P_GAIN])
     # The arc bulges beyond its ends and its middle by less than a cell.
     for i in range(max(0, math.floor(low_x) - 1), min(slot.shape[0], math.floor(high_x) + 2)):
         for j in range(max(0, math.floor(low_y) - 1), min(slot.shape[1], math.floor(high_y) + 2)):
@@ -311,7 +329,7 @@ def _see_cone(
                 py = points[s, 1] - y
                 ahead = px * ux + py * uy
                 if abs(py * ux - px * uy) <= ahead * tan and px * px + py * py <= sure * sure:
-                    _miss(slot, points, evidence, born, cell_of, counters, params, s)
+                    _miss(slot, points, evidence, born, cell_of, counters, params, s, gain)
             cx = i + 0.5 - x
             cy = j + 0.5 - y
             if (
@@ -323,8 +341,8 @@ def _see_cone(
 
 
 @njit(cache=True)
-def _arc_point(cone, k):
-    """Point `k` of a cone's arc, counted against the clock... from one end to the other."""
+def arc_point(cone, k):
+    """Point `k` of a cone's arc, counted from one end to the other."""
     angle = cone[C_ARC] * (2.0 * k / (ARC_POINTS - 1) - 1.0)
     cos = math.cos(angle)
     sin = math.sin(angle)
@@ -347,7 +365,7 @@ def _carve(bits, arc, cone):
         return bits
     for k in range(ARC_POINTS):
         if bits >> k & 1:
-            px, py = _arc_point(arc, k)
+            px, py = arc_point(arc, k)
             px -= cone[C_X]
             py -= cone[C_Y]
             if (
@@ -359,11 +377,14 @@ def _carve(bits, arc, cone):
 
 
 @njit(cache=True)
-def _settle(
-    slot, points, evidence, born, cell_of, counters, params, cone, bits
-):
-    """Turn what is left of an arc into hits."""
+def _settle(slot, points, evidence, born, cell_of, counters, params, cone, bits):
+    """Turn what is left of an arc into hits, about one in each cell.
+
+    What is left is a few stretches that no cone fitted into. When a stretch is wider than a
+    passage, only its ends are hits: there is something at either, or the cones had come farther.
+    """
     step = 2.0 * cone[C_ARC] / (ARC_POINTS - 1) * cone[C_LENGTH]
+    stride = max(1, round(1.0 / step))
     begin = 0
     while begin < ARC_POINTS:
         if not bits >> begin & 1:
@@ -374,17 +395,29 @@ def _settle(
             end += 1
         whole = (end - begin) * step <= PASSABLE_M / params[P_CELL]
         for k in range(begin, end + 1):
-            if whole or k < begin + 2 or k > end - 2:
-                x, y = _arc_point(cone, k)
-                _add_hit(
-                    slot, points, evidence, born, cell_of, counters, params, x, y, SURFACE
-                )
+            due = k == end or (k - begin) % stride == 0
+            if due and (whole or k < begin + 2 or k > end - 2):
+                x, y = arc_point(cone, k)
+                _add_hit(slot, points, evidence, born, cell_of, counters, params, x, y, SURFACE)
         begin = end + 1
 
 
 @njit(cache=True)
 def _take_cone(
-    slot, seen, points, evidence, born, cell_of, counters, cones, open_bits, params, b, ray, half, free
+    slot,
+    seen,
+    points,
+    evidence,
+    born,
+    cell_of,
+    counters,
+    cones,
+    open_bits,
+    params,
+    b,
+    ray,
+    half,
+    free,
 ):
     """One reading of a wide beam: free space, fewer places for earlier arcs, and its own arc."""
     cell = params[P_CELL]
@@ -396,8 +429,22 @@ def _take_cone(
     far = clear - (params[P_HIT_SHRINK] if hit else params[P_FREE_SHRINK])
     if far > 0.0:
         _see_cone(
-            slot, seen, points, evidence, born, cell_of, counters, params,
-            x, y, ux, uy, tan, far, clear - params[P_FREE_SHRINK], stamp,
+            slot,
+            seen,
+            points,
+            evidence,
+            born,
+            cell_of,
+            counters,
+            params,
+            x,
+            y,
+            ux,
+            uy,
+            tan,
+            far,
+            clear - params[P_FREE_SHRINK],
+            stamp,
         )
     at = counters[NEXT_CONE]
     counters[NEXT_CONE] = (at + 1) % CONES
@@ -498,8 +545,20 @@ def integrate(
             if kind != NOTHING:
                 free = rays[k, R_FREE] / cell
                 _take_cone(
-                    slot, seen, points, evidence, born, cell_of, counters, cones, open_bits, params,
-                    b, ray, half, free,
+                    slot,
+                    seen,
+                    points,
+                    evidence,
+                    born,
+                    cell_of,
+                    counters,
+                    cones,
+                    open_bits,
+                    params,
+                    b,
+                    ray,
+                    half,
+                    free,
                 )
             beams[b, :B_PERIOD] = ray[:B_PERIOD]
             continue
@@ -530,7 +589,16 @@ def integrate(
         last = count - 1
         if wide:
             _settle_passed(
-                slot, points, evidence, born, cell_of, counters, cones, open_bits, beams, params,
+                slot,
+                points,
+                evidence,
+                born,
+                cell_of,
+                counters,
+                cones,
+                open_bits,
+                beams,
+                params,
                 rays[last, R_STAMP],
             )
         _see_disc(

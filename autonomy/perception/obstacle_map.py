@@ -331,6 +331,18 @@ class ObstacleMap:
         centres: FloatArray = (index + 0.5) * self._cell_m + np.array(self._origin())
         return centres
 
+    def open_arcs(self) -> list[FloatArray]:
+        """(n, 2) north, east of what is left of each arc that is not settled yet: what a wide beam
+        saw is at one of these points, at least. For pictures and tests.
+        """
+        arcs = []
+        for cone, bits in zip(self._cones, self._open_bits, strict=True):
+            left = [k for k in range(kernels.ARC_POINTS) if bits >> k & 1]
+            if left:
+                points = np.array([kernels.arc_point(cone, k) for k in left])
+                arcs.append(points * self._cell_m + np.array(self._origin()))
+        return arcs
+
     # ------------------------------------------------------------ inside
 
     @property

@@ -32,6 +32,10 @@ class Ray(msgspec.Struct, frozen=True, gc=False):
     `origin_ned_m` is the sensor's face and `centre` the vehicle's centre (north, east) at
     `stamp_s`, the time of measurement. `length_m` is the horizontal length, 0 for NOTHING.
     `beam` is the index of the mount in the configuration.
+
+    With `half_angle_rad` above 0 it is a cone: free in every direction within that angle of
+    `bearing_rad`, and what it hit is somewhere on the arc at `length_m`. No farther than
+    `free_m` is a cone free (infinite: up to its arc).
     """
 
     stamp_s: float
@@ -59,13 +63,22 @@ class Pose(msgspec.Struct, frozen=True, gc=False):
 
 
 class _Mount(msgspec.Struct, frozen=True):
-    """A beam's index, direction and face in the body frame."""
+    """A beam's index, direction and face in the body frame, and half the angle that it sees."""
 
     index: int
     direction_frd: Vector3
     face_frd_m: Vector3
     half_angle_rad: float
 
+
+_UPRIGHT_DEG = 60.0
+"""A beam steeper than this measures the surface above or below."""
+_SURFACE_SHARE = 0.95
+_SURFACE_M = 0.03
+"""A cone's return from at most this much before a floor, or from beyond, may be the floor's."""
+_LAST = 0.95
+"""A cone's return from farther than this share of the maximum range is no obstacle yet: a cone
+that sees nothing is not certain to have looked farther, so no part of such an arc is ruled out."""
 
 HISTORY_POSES = 40
 # Across a longer hole in the poses, or farther beyond their ends, nothing is projected.
@@ -80,13 +93,23 @@ class Projector:
     and of beams that are not mounted, give no ray. `half_height_m` is half the body's height: a
     ray is used as far as it stays within the slab that the body sweeps, so that a tilted beam
     neither puts the floor into the map nor calls space free that it passed above.
+
+    A cone is free as far as its axis stays within the slab, and what it returns from is taken for
+    an obstacle as long as any of it is within. Where its edge reaches the floor or the ceiling, as
+    near as the beams down and up measured them last, the return may be theirs: what is nearer is
+    free, and no obstacle is known.
     """
 
     def __init__(self, beams: BeamsConfig, half_height_m: float = 0.08) -> None:
         self._half_height_m = half_height_m
         self._poses: deque[Pose] = deque(maxlen=HISTORY_POSES)
+        self._stale_after_s = beams.stale_after_s
+        self._upright: dict[str, int] = {}
+        self._surfaces: dict[int, tuple[float, float]] = {}
         self._mounts: dict[str, _Mount] = {}
         for index, mount in enumerate(beams.mounts):
+            if abs(mount.pitch_deg) > _UPRIGHT_DEG:
+                self._upright[mount.name] = 1 if mount.pitch_deg > 0.0 else -1
             if mount.horizontal:
                 yaw, pitch = math.radians(mount.yaw_deg), math.radians(mount.pitch_deg)
                 level = math.cos(pitch)
@@ -94,7 +117,7 @@ class Projector:
                     index,
                     (level * math.cos(yaw), level * math.sin(yaw), -math.sin(pitch)),
                     (mount.forward_m, mount.right_m, mount.down_m),
-                    math.radians(mount.half_angle_deg),
+                    math.radians(beams.half_angle_deg(mount.name)),
                 )
 
     def step(self, fused: FusedState, ranges: Iterable[RangeReading]) -> tuple[Ray, ...]:
@@ -114,6 +137,7 @@ class Projector:
         for reading in ranges:
             mount = self._mounts.get(reading.beam)
             if mount is None:
+                self._note_surface(reading)
                 continue
             if reading.stamp_s != stamp_s:
                 stamp_s = reading.stamp_s
@@ -152,6 +176,23 @@ class Projector:
             )
         )
 
+    def _note_surface(self, reading: RangeReading) -> None:
+        """Remember how far away a beam that looks up or down saw nothing."""
+        rise = self._upright.get(reading.beam)
+        if rise is not None and reading.status not in (RangeStatus.NO_SIGNAL, RangeStatus.SUSPECT):
+            self._surfaces[rise] = (reading.stamp_s, reading.range_m)
+
+    def _surface_m(self, rise: int, pose: Pose) -> float:
+        """Height of the free space above (`rise` 1) or below (-1) the vehicle's centre.
+
+        Without a fresh reading: below, that over the take-off point; above, nothing is known to be
+        there.
+        """
+        measured = self._surfaces.get(rise)
+        if measured is not None and pose.stamp_s - measured[0] <= self._stale_after_s:
+            return measured[1]
+        return max(0.0, -pose.position_ned_m[2]) if rise < 0 else math.inf
+
     def _shift(self, delta: Vector3) -> None:
         moved = [
             msgspec.structs.replace(
@@ -175,17 +216,24 @@ class Projector:
         face = (0.0, 0.0, 0.0)
         if any(mount.face_frd_m):
             face = rotate_frd_to_ned(mount.face_frd_m, pose.roll_rad, pose.pitch_rad, pose.yaw_rad)
-        kind, length = self._kind_and_length(reading, face[2], down)
+        level = math.hypot(north, east)
+        elevation = math.asin(max(-1.0, min(1.0, -down)))
+        if mount.half_angle_rad > 0.0:
+            kind, length, free = self._cone(pose, mount, reading, face[2], elevation)
+        else:
+            kind, length = self._kind_and_length(reading, face[2], down)
+            free = math.inf
         return Ray(
             pose.stamp_s,
             mount.index,
             kind,
             (position[0] + face[0], position[1] + face[1], position[2] + face[2]),
             math.atan2(east, north),
-            math.asin(max(-1.0, min(1.0, -down))),
-            length * math.hypot(north, east),
+            elevation,
+            length * level,
             (position[0], position[1]),
             mount.half_angle_rad,
+            free * level,
         )
 
     def _kind_and_length(
@@ -204,6 +252,38 @@ class Projector:
         if reading.range_m > leaves_at:
             return RayKind.FREE, leaves_at
         return kind, reading.range_m
+
+    def _cone(
+        self,
+        pose: Pose,
+        mount: _Mount,
+        reading: RangeReading,
+        face_down_m: float,
+        elevation_rad: float,
+    ) -> tuple[RayKind, float, float]:
+        """The same for a wide beam, and how far it is free."""
+        kind, length = self._kind_and_length(reading, face_down_m, -math.sin(elevation_rad))
+        if kind is RayKind.NOTHING or reading.status is RangeStatus.OUT_OF_RANGE:
+            return kind, length, math.inf
+        steepness = max(0.0, abs(elevation_rad) - mount.half_angle_rad)
+        way = self._half_height_m + (face_down_m if elevation_rad > 0.0 else -face_down_m)
+        range_m = reading.range_m
+        open_m = self._surface_from_m(pose, mount.half_angle_rad, face_down_m, elevation_rad)
+        if range_m * math.sin(steepness) > way or range_m >= min(open_m, _LAST * reading.max_m):
+            return RayKind.FREE, length, math.inf
+        return RayKind.HIT, range_m, length
+
+    def _surface_from_m(
+        self, pose: Pose, half_angle_rad: float, face_down_m: float, elevation_rad: float
+    ) -> float:
+        """From which range on a cone's return may be that of the floor or the ceiling."""
+        nearest_m = math.inf
+        for rise in (-1, 1):
+            steepness = rise * elevation_rad + half_angle_rad
+            if steepness > 0.0:
+                height_m = self._surface_m(rise, pose) + rise * face_down_m
+                nearest_m = min(nearest_m, height_m / math.sin(steepness))
+        return _SURFACE_SHARE * nearest_m - _SURFACE_M
 
 
 def _carried(pose: Pose, time_s: float) -> Pose | None:

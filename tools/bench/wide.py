@@ -105,8 +105,10 @@ def campaign(
 def table(flights: Sequence[Flight]) -> str:
     """Markdown: one line per half angle; times against the first angle's flights of a world."""
     lines = [
-        "| half angle | flights | reached | unreachable | collisions | least clearance m "
-        "| time / thin: median, mean, p95 | replans p50 | x real time |",
+        (
+            "| half angle | flights | reached | unreachable | collisions | least clearance m "
+            "| time / thin: median, mean, p95 | replans p50 | x real time |"
+        ),
         f"|{'---|' * 9}",
     ]
     angles = list(dict.fromkeys(flight.half_angle_deg for flight in flights))

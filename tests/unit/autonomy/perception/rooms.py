@@ -46,6 +46,12 @@ class Room:
                 nearest = min(nearest, a - math.sqrt(radius * radius - b * b))
         return nearest
 
+    def cone_range_m(self, origin: Point, bearing_rad: float, half_angle_rad: float) -> float:
+        """Distance to the nearest surface within the angle, inf for none; by rays 0.5 deg apart."""
+        count = 1 + 2 * math.ceil(half_angle_rad / math.radians(0.5))
+        turns = np.linspace(-half_angle_rad, half_angle_rad, count)
+        return min(self.range_m(origin, bearing_rad + float(turn)) for turn in turns)
+
     def surface_distance_m(self, point: Point) -> float:
         """Unsigned distance from the point to the nearest surface."""
         walls = [segment_distance(point, a, b) for a, b in self.walls]
@@ -141,7 +147,8 @@ class Flight:
             centre[0] + c * mount.forward_m - s * mount.right_m,
             centre[1] + s * mount.forward_m + c * mount.right_m,
         )
-        true_m = self.room.range_m(face, yaw_rad + math.radians(mount.yaw_deg))
+        half_angle = math.radians(self.beams.half_angle_deg(mount.name))
+        true_m = self.room.cone_range_m(face, yaw_rad + math.radians(mount.yaw_deg), half_angle)
         noise_m = 0.0
         if self.noise is not None and true_m <= MAX_M:
             noise_m = float(self.noise.normal(0.0, 0.01 + 0.01 * true_m))

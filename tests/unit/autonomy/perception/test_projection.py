@@ -158,3 +158,122 @@ def test_a_low_mount_leaves_the_slab_sooner_downward_than_upward() -> None:
         for t, p in ((1.0, -0.15), (2.0, 0.15))
     )
     assert down.length_m < 0.3 < up.length_m
+
+
+# ---------------------------------------------------------------- cones
+
+HALF_RAD = math.radians(12.5)
+
+
+def wide_beams() -> BeamsConfig:
+    return BeamsConfig(
+        mounts=(
+            BeamMount(name="front", half_angle_deg=12.5),
+            BeamMount(name="up", pitch_deg=90.0, half_angle_deg=12.5),
+            BeamMount(name="down", pitch_deg=-90.0, half_angle_deg=12.5),
+        ),
+        latency_s=0.02,
+    )
+
+
+def vertical(stamp_s: float, beam: str, range_m: float) -> RangeReading:
+    return RangeReading(stamp_s, beam, RangeStatus.VALID, range_m, 1e-4, 0.02, 1.0)
+
+
+def test_a_cone_carries_its_half_angle_and_is_free_up_to_what_it_saw() -> None:
+    (ray,) = Projector(wide_beams()).step(fused_at(1.0, (0.0, 0.0)), (reading(1.02, 0.6),))
+    assert (ray.kind, ray.length_m) == (RayKind.HIT, pytest.approx(0.6))
+    assert (ray.half_angle_rad, ray.free_m) == (HALF_RAD, pytest.approx(0.6))
+
+
+def test_a_thin_beam_has_no_half_angle() -> None:
+    (ray,) = Projector(beams()).step(fused_at(1.0, (0.0, 0.0)), (reading(1.02, 0.6),))
+    assert (ray.half_angle_rad, ray.free_m) == (0.0, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("status", "range_m", "kind"),
+    [
+        (RangeStatus.OUT_OF_RANGE, 1.0, RayKind.FREE),
+        (RangeStatus.VALID, 0.96, RayKind.FREE),
+        (RangeStatus.VALID, 0.94, RayKind.HIT),
+        (RangeStatus.TOO_NEAR, 0.02, RayKind.HIT),
+        (RangeStatus.NO_SIGNAL, 0.0, RayKind.NOTHING),
+        (RangeStatus.SUSPECT, 0.4, RayKind.NOTHING),
+    ],
+)
+def test_each_status_of_a_cone_has_its_meaning_and_the_last_of_the_range_is_no_obstacle_yet(
+    status: RangeStatus, range_m: float, kind: RayKind
+) -> None:
+    (ray,) = Projector(wide_beams()).step(
+        fused_at(1.0, (0.0, 0.0)), (reading(1.02, range_m, status),)
+    )
+    assert ray.kind is kind
+    assert ray.length_m == pytest.approx(0.0 if kind is RayKind.NOTHING else range_m)
+
+
+@pytest.mark.parametrize("pitch_rad", [0.15, -0.15])
+def test_a_tilted_cone_hits_what_its_edge_saw_but_is_free_only_as_far_as_its_axis_stays_level(
+    pitch_rad: float,
+) -> None:
+    (ray,) = Projector(wide_beams(), half_height_m=0.08).step(
+        fused_at(1.0, (0.0, 0.0), pitch_rad=pitch_rad), (reading(1.02, 0.9),)
+    )
+    assert ray.kind is RayKind.HIT
+    assert ray.length_m == pytest.approx(0.9 * math.cos(0.15))
+    assert ray.free_m == pytest.approx(0.08 / math.tan(0.15))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_cone_that_is_tilted_by_more_than_its_half_angle_hits_only_what_is_in_the_slab(
+    sign: float,
+) -> None:
+    tilt = HALF_RAD + 0.1
+    projector = Projector(wide_beams(), half_height_m=0.08)
+    near, far = (
+        projector.step(fused_at(t, (0.0, 0.0), pitch_rad=sign * tilt), (reading(t + 0.02, r),))[0]
+        for t, r in ((1.0, 0.75), (2.0, 0.85))
+    )
+    # The nearest edge leaves the slab at 0.08 / sin(0.1) = 0.801 m.
+    assert near.kind is RayKind.HIT
+    assert far.kind is RayKind.FREE
+    assert near.free_m == pytest.approx(far.length_m) == pytest.approx(0.08 / math.tan(tilt))
+
+
+@pytest.mark.parametrize(
+    ("height_m", "range_m", "kind"),
+    [(1.0, 0.9, RayKind.HIT), (0.2, 0.82, RayKind.HIT), (0.2, 0.86, RayKind.FREE)],
+)
+def test_a_return_from_where_the_floor_enters_the_cone_is_no_obstacle(
+    height_m: float, range_m: float, kind: RayKind
+) -> None:
+    # 0.2 m above the floor it enters at 0.2 / sin(12.5 deg) = 0.924 m, less 5 % and 3 cm.
+    (ray,) = Projector(wide_beams()).step(
+        fused_at(1.0, (0.0, 0.0), down_m=-height_m), (reading(1.02, range_m),)
+    )
+    assert ray.kind is kind
+
+
+@pytest.mark.parametrize(("beam", "pitch_rad"), [("up", 0.1), ("down", -0.1)])
+def test_the_beams_up_and_down_tell_where_a_ceiling_or_a_table_enters(
+    beam: str, pitch_rad: float
+) -> None:
+    projector = Projector(wide_beams())
+    state = fused_at(1.0, (0.0, 0.0), pitch_rad=pitch_rad)
+    # 0.2 m away it enters at 0.2 / sin(12.5 deg + 0.1 rad) = 0.637 m.
+    assert projector.step(state, (reading(1.01, 0.7),))[0].kind is RayKind.HIT
+    projector.step(fused_at(1.03, (0.0, 0.0)), (vertical(1.02, beam, 0.2),))
+    later = fused_at(1.05, (0.0, 0.0), pitch_rad=pitch_rad)
+    assert projector.step(later, (reading(1.07, 0.7),))[0].kind is RayKind.FREE
+    level = projector.step(fused_at(1.1, (0.0, 0.0)), (reading(1.12, 0.7),))
+    assert level[0].kind is RayKind.HIT
+    old = fused_at(2.0, (0.0, 0.0), pitch_rad=pitch_rad)
+    assert projector.step(old, (reading(2.02, 0.7),))[0].kind is RayKind.HIT
+
+
+def test_a_beam_down_that_could_not_measure_tells_nothing_of_the_floor() -> None:
+    projector = Projector(wide_beams())
+    lost = RangeReading(1.01, "down", RangeStatus.NO_SIGNAL, 0.0, 1e-4, 0.02, 1.0)
+    projector.step(fused_at(1.0, (0.0, 0.0)), (lost,))
+    (ray,) = projector.step(fused_at(1.05, (0.0, 0.0)), (reading(1.07, 0.9),))
+    assert ray.kind is RayKind.HIT
