@@ -52,9 +52,7 @@ def with_virtual_world(config: Config, driver: VirtualDriver) -> tuple[Config, S
     scenario = load_scenario(driver.scenario)
     cone = {"half_angle_deg": scenario.beams.half_angle_deg}
     mounts = tuple(mount.model_copy(update=cone) for mount in config.beams.mounts)
-    beams = config.beams.model_copy(
-        update={"mounts": mounts, "drivers": (driver,)}
-    )
+    beams = config.beams.model_copy(update={"mounts": mounts, "drivers": (driver,)})
     guard = config.guard
     if guard.fence == GuardConfig().fence:
         guard = guard.model_copy(update={"fence": scenario.fence})

@@ -64,7 +64,7 @@ class ObstacleMessage(msgspec.Struct, frozen=True):
         """
         min_m = max(self.min_distance * 0.01, config.min_m)
         max_m = min(self.max_distance * 0.01, config.max_m)
-        ahead, beside = self._sectors(mount.yaw_deg, mount.half_angle_deg)
+        ahead, beside = self._sectors(mount.yaw_deg, mount.half_angle_deg or 0.0)
         known = [cm for cm in (*ahead, *beside) if cm != UNKNOWN_CM]
         nearest_cm = min(known, default=UNKNOWN_CM)
         sees_ahead = any(cm != UNKNOWN_CM for cm in ahead)
