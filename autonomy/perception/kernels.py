@@ -341,7 +341,7 @@ def _see_cone(
 
 
 @njit(cache=True)
-def arc_point(cone, k):
+def _arc_point(cone, k):
     """Point `k` of a cone's arc, counted from one end to the other."""
     angle = cone[C_ARC] * (2.0 * k / (ARC_POINTS - 1) - 1.0)
     cos = math.cos(angle)
@@ -365,7 +365,7 @@ def _carve(bits, arc, cone):
         return bits
     for k in range(ARC_POINTS):
         if bits >> k & 1:
-            px, py = arc_point(arc, k)
+            px, py = _arc_point(arc, k)
             px -= cone[C_X]
             py -= cone[C_Y]
             if (
@@ -397,7 +397,7 @@ def _settle(slot, points, evidence, born, cell_of, counters, params, cone, bits)
         for k in range(begin, end + 1):
             due = k == end or (k - begin) % stride == 0
             if due and (whole or k < begin + 2 or k > end - 2):
-                x, y = arc_point(cone, k)
+                x, y = _arc_point(cone, k)
                 _add_hit(slot, points, evidence, born, cell_of, counters, params, x, y, SURFACE)
         begin = end + 1
 

@@ -335,11 +335,16 @@ class ObstacleMap:
         """(n, 2) north, east of what is left of each arc that is not settled yet: what a wide beam
         saw is at one of these points, at least. For pictures and tests.
         """
+        turns = np.linspace(-1.0, 1.0, kernels.ARC_POINTS)
         arcs = []
         for cone, bits in zip(self._cones, self._open_bits, strict=True):
-            left = [k for k in range(kernels.ARC_POINTS) if bits >> k & 1]
-            if left:
-                points = np.array([kernels.arc_point(cone, k) for k in left])
+            left = turns[[bool(bits >> k & 1) for k in range(kernels.ARC_POINTS)]]
+            if len(left):
+                axis = math.atan2(cone[kernels.C_SIN], cone[kernels.C_COS])
+                bearings = axis + cone[kernels.C_ARC] * left
+                along = np.stack((np.cos(bearings), np.sin(bearings)), axis=1)
+                face = cone[[kernels.C_X, kernels.C_Y]]
+                points = face + cone[kernels.C_LENGTH] * along
                 arcs.append(points * self._cell_m + np.array(self._origin()))
         return arcs
 

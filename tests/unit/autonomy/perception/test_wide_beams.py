@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from autonomy.config import MapConfig
 from autonomy.geometry import Point, along
-from autonomy.perception.obstacle_map import ObstacleMap
+from autonomy.perception.obstacle_map import FloatArray, ObstacleMap
 from autonomy.perception.projection import Ray, RayKind
 from hal.config import BeamsConfig, Fence, six_beams
 from tests.unit.autonomy.perception.rooms import Flight, Room
@@ -47,11 +47,12 @@ def cone(
     return Ray(stamp_s, 0, kind, place, bearing, 0.0, length_m, origin, half, free_m)
 
 
-def seen_bearings_deg(obstacles: ObstacleMap, now_s: float, away_m: float) -> np.ndarray:
+def seen_bearings_deg(obstacles: ObstacleMap, now_s: float, away_m: float) -> FloatArray:
     """Bearings of the seen cells about that far from the origin."""
     cells = obstacles.seen_cells(now_s)
     ring = np.abs(np.hypot(*cells.T) - away_m) < 0.02
-    return np.degrees(np.arctan2(cells[ring, 1], cells[ring, 0]))
+    bearings: FloatArray = np.degrees(np.arctan2(cells[ring, 1], cells[ring, 0]))
+    return bearings
 
 
 def swept(room: Room, seconds: float = 2.1, half_angle_deg: float = HALF_DEG) -> ObstacleMap:
