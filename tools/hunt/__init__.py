@@ -1,0 +1,1 @@
+"""The search for a room that breaks the flight: random and guided, shrunk, kept (README.md)."""
