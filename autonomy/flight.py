@@ -13,7 +13,7 @@ from typing import Protocol
 
 from autonomy.config import Config
 from autonomy.custody import Custody
-from autonomy.errors import Stalled
+from autonomy.errors import AutonomyError, Stalled
 from autonomy.mission.guarded import Command, GuardedPilot
 from autonomy.mission.sensing import Sensing
 from autonomy.model import Ending, Inputs, OperatorCommand, Outcome
@@ -103,7 +103,7 @@ class Flight:
         try:
             async with asyncio.TaskGroup() as group:
                 server = group.create_task(self._serve_requests())
-                outcome = await self._control_loop()
+                outcome = await self._control_loop(server)
                 server.cancel()
             if outcome.ending is Ending.TAKEN_OVER:
                 self.custody.let_go()
@@ -138,12 +138,14 @@ class Flight:
             self._streaming = False
             self._vehicle.stop_now()
 
-    async def _control_loop(self) -> Outcome:
-        """Tick until the pilot is done."""
+    async def _control_loop(self, server: asyncio.Task[None]) -> Outcome:
+        """Tick until the pilot is done. Without its server it cannot even land: that ends it."""
         period_s = 1.0 / self._config.control.rate_hz
         due_s = self._clock.now_s()
         while True:
             counted = self.tally.late_ticks
+            if server.done():
+                raise AutonomyError("the task that carries requests to the autopilot has ended")
             outcome = self._tick()
             if outcome is not None:
                 return outcome

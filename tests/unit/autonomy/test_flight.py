@@ -172,6 +172,24 @@ def test_a_defect_in_flight_stops_first_then_holds_and_lands(stage: Stage) -> No
     assert landed(stage)
 
 
+def test_without_the_task_that_carries_requests_it_cannot_land_so_it_is_landed(
+    stage: Stage,
+) -> None:
+    def end_it() -> None:
+        for task in asyncio.all_tasks():
+            if "_serve_requests" in repr(task.get_coro()):
+                task.cancel()
+
+    stage.when_cruising(end_it)
+    with pytest.raises(ExceptionGroup) as caught:
+        stage.run()
+    assert "the task that carries requests to the autopilot has ended" in str(
+        caught.value.exceptions[0]
+    )
+    assert stage.asked == [RequestKind.HOLD, RequestKind.LAND]
+    assert landed(stage)
+
+
 def test_until_hold_is_granted_the_vehicle_stays_stopped_and_the_deadman_watches(
     stage: Stage,
 ) -> None:

@@ -1,0 +1,1 @@
+"""From a fault of the computer to a vehicle that stands: measured, as a table (README.md)."""
