@@ -90,7 +90,7 @@ def decoded(vector: Sequence[float] | Floats, name: str) -> tuple[Scenario, str]
         raise ValueError(f"a room has {LENGTH} numbers, not {len(vector)}")
     genes = Genes([float(value) for value in vector])
     mode = ("stop", "rolling")[genes.choice(2)]
-    side = genes.between(2.4, 4.4)
+    side = genes.between(2.2, 3.6)
     low, high = -CORNER_M, side - CORNER_M
     goal = tuple(genes.between(0.55 * side - CORNER_M, high - CORNER_M) for _ in range(2))
     strewn: list[SimObstacle | None] = list(_dividing_wall(genes, low, high))

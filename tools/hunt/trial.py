@@ -1,6 +1,5 @@
 """One room flown: what came of it, and whether that breaks a promise."""
 
-import math
 import traceback
 
 import msgspec
@@ -27,7 +26,7 @@ class Trial(msgspec.Struct, frozen=True):
     """One room and its flight. `failure` is empty, or which promise was broken.
 
     `optimum_m` is the shortest way for the body with everything known, at the height of the
-    flight; inf where there is none. `error` is the end of a traceback.
+    flight; None where there is none. `error` is the end of a traceback.
     """
 
     name: str
@@ -36,7 +35,7 @@ class Trial(msgspec.Struct, frozen=True):
     failure: str
     clearance_m: float
     length_m: float
-    optimum_m: float
+    optimum_m: float | None
     navigation_s: float
     stops: int
     replans: int
@@ -47,7 +46,7 @@ class Trial(msgspec.Struct, frozen=True):
     @property
     def detour(self) -> float:
         """Flown way over the shortest one, 0 where the goal was not reached or is over a wall."""
-        if self.ending != Ending.GOAL_REACHED or not 0.0 < self.optimum_m < math.inf:
+        if self.ending != Ending.GOAL_REACHED or not self.optimum_m:
             return 0.0
         return self.length_m / self.optimum_m
 
@@ -68,7 +67,7 @@ def fly(scenario: Scenario, mode: str, name: str, vector: tuple[float, ...] = ()
         error = "".join(traceback.format_exc().splitlines(keepends=True)[-6:])
     kinds = tuple(fault.model_dump()["kind"] for fault in scenario.faults)
     if flight is None:
-        nothing = (math.nan, 0.0, optimum_m(scenario, config), 0.0, 0, 0)
+        nothing = (0.0, 0.0, optimum_m(scenario, config), 0.0, 0, 0)
         return Trial(name, vector, "raised", "raised", *nothing, mode, kinds, error)
     return Trial(
         name,
@@ -111,12 +110,12 @@ def judged(flight: SimulatedFlight, scenario: Scenario, config: Config) -> str:
     return ""
 
 
-def optimum_m(scenario: Scenario, config: Config) -> float:
-    """The shortest way of the body's disc at the mission's height; inf where there is none."""
+def optimum_m(scenario: Scenario, config: Config) -> float | None:
+    """The shortest way of the body's disc at the mission's height; None where there is none."""
     hits = np.array(outline_hits(scenario, config, _OUTLINE_M), dtype=np.float64).reshape(-1, 2)
     planes = fence_planes(scenario.fence.polygon_ne_m)
     if planes is None:
         raise ValueError(f"{scenario.name}: the fence is not convex")
     radii = np.full(hits.shape[0], config.body.radius_m + OUTLINE_M)
     route = shortest_path((0.0, 0.0), scenario.goal_ne_m, hits, radii, planes)
-    return route.length_m if isinstance(route, Route) else math.inf
+    return route.length_m if isinstance(route, Route) else None

@@ -1,0 +1,1 @@
+"""Mission after mission, for hours: what grows? (README.md)"""
