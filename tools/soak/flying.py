@@ -90,7 +90,7 @@ def _missions(
     samples: list[Sample] = []
     endings: list[str] = []
     started_s = time.monotonic()
-    goals = itertools.cycle([[2.0, 1.0], [4.0, 3.0], [1.0, 2.0]])
+    goals = itertools.cycle([[4.0, 3.0], [-4.0, -3.0]])  # about where it was armed
     before = _lags(client)
     mission = ""
     while True:
