@@ -62,7 +62,7 @@ def real(minutes: float, tell: Tell, every_s: float = 5.0) -> tuple[list[Sample]
     """
     with tempfile.TemporaryDirectory(prefix="soak-") as name:
         folder = Path(name)
-        command = [sys.executable, "-m", "autonomy.cli", "serve", "--sim", "default", "--port", "0"]
+        command = [sys.executable, "-m", "autonomy.cli", "serve", "--sim", "empty", "--port", "0"]
         with (folder / "said.txt").open("w") as said:
             service = subprocess.Popen([*command, "--log-dir", str(folder / "logs")], stderr=said)
         try:
@@ -90,7 +90,7 @@ def _missions(
     samples: list[Sample] = []
     endings: list[str] = []
     started_s = time.monotonic()
-    goals = itertools.cycle([[4.0, 3.0], [-4.0, -3.0]])  # about where it was armed
+    goals = itertools.cycle([[2.0, 1.5], [-2.0, -1.5]])  # about where it was armed
     before = _lags(client)
     mission = ""
     while True:
