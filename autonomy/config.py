@@ -303,6 +303,11 @@ class Config(Section):
             )
         if self.guidance.speed_max_m_s > self.guard.speed_max_m_s:
             raise ValueError("guidance.speed_max_m_s must not be above guard.speed_max_m_s")
+        if self.guidance.yaw_rate_deg_s > self.guard.yaw_rate_max_deg_s:
+            raise ValueError(
+                "guidance.yaw_rate_deg_s must not be above guard.yaw_rate_max_deg_s, "
+                "or the vehicle turns more slowly than it looks round"
+            )
         return self
 
     @model_validator(mode="after")

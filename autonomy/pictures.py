@@ -37,7 +37,7 @@ def draw_scenario(axes: Any, scenario: Scenario, *, legend: bool = True) -> None
     from matplotlib.patches import Circle, Polygon
 
     _prepare(axes)
-    fence = [_en(point) for point in scenario.fence.polygon_ne_m]
+    fence = [_en(point) for point in scenario.fence.outline_ne_m]
     axes.add_patch(
         Polygon(fence, closed=True, fill=False, ec=GREEN, ls=(0, (4, 3)), lw=1.1, zorder=2)
     )
@@ -246,7 +246,7 @@ def _prepare(axes: Any) -> None:
 
 def _frame(axes: Any, scenario: Scenario) -> None:
     """Show everything there is, with whole metres on both axes."""
-    points = [*scenario.fence.polygon_ne_m, (0.0, 0.0), scenario.goal_ne_m]
+    points = [*scenario.fence.outline_ne_m, (0.0, 0.0), scenario.goal_ne_m]
     for obstacle in scenario.obstacles:
         if isinstance(obstacle, Disc):
             (n, e), r = obstacle.centre_ne_m, obstacle.radius_m

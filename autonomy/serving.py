@@ -205,7 +205,7 @@ def _from_body(
 def shifted(mission: app.Mission, offset: Point) -> app.Mission:
     """The mission for a pilot whose frame begins at `offset`: the fence stays where it is."""
     guard = mission.config.guard
-    polygon = tuple((n - offset[0], e - offset[1]) for n, e in guard.fence.polygon_ne_m)
+    polygon = tuple((n - offset[0], e - offset[1]) for n, e in guard.fence.outline_ne_m)
     moved = guard.model_copy(update={"fence": Fence(polygon_ne_m=polygon)})
     return app.Mission(
         mission.options, mission.config.model_copy(update={"guard": moved}), mission.scenario

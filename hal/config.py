@@ -3,13 +3,14 @@
 Angles are degrees in YAML (`_deg`) and radians in code; everything else is SI.
 """
 
-import math
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from hal import fence
 from hal.errors import DocumentError
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -375,9 +376,35 @@ class BeamsConfig(Section):
 
 
 class Fence(Section):
-    """A horizontal polygon in local NED (north, east) that the vehicle's centre stays inside."""
+    """What the vehicle's centre stays inside, in local NED: a horizontal polygon (north, east), a
+    cylinder about the take-off point, or what both have in common. The altitude band is its height.
+    """
 
-    polygon_ne_m: tuple[PointNE, ...] = Field(min_length=3)
+    polygon_ne_m: tuple[PointNE, ...] | None = Field(default=None, min_length=3)
+    radius_m: Positive | None = None
+    """How far from the take-off point, at most."""
+
+    @model_validator(mode="after")
+    def _encloses_something(self) -> "Fence":
+        if self.polygon_ne_m is None and self.radius_m is None:
+            raise ValueError("a fence needs polygon_ne_m or radius_m; give one, or both")
+        if len(self.outline_ne_m) < 3:
+            raise ValueError(
+                "nothing of polygon_ne_m lies within radius_m of the take-off point; widen one"
+            )
+        return self
+
+    @cached_property
+    def outline_ne_m(self) -> fence.Ring:
+        """The corners (north, east) of what is inside: the one fence that everything goes by.
+
+        A cylinder's is a polygon of 64 corners inside it.
+        """
+        if self.polygon_ne_m is None:
+            return fence.circle(self.radius_m or 0.0)
+        if self.radius_m is None:
+            return self.polygon_ne_m
+        return fence.within_circle(self.polygon_ne_m, self.radius_m)
 
     @classmethod
     def rectangle(cls, north: tuple[float, float], east: tuple[float, float]) -> "Fence":
@@ -387,30 +414,17 @@ class Fence(Section):
 
     def bounds(self) -> tuple[float, float, float, float]:
         """(north_min, north_max, east_min, east_max)."""
-        norths = [p[0] for p in self.polygon_ne_m]
-        easts = [p[1] for p in self.polygon_ne_m]
+        norths = [p[0] for p in self.outline_ne_m]
+        easts = [p[1] for p in self.outline_ne_m]
         return min(norths), max(norths), min(easts), max(easts)
 
     def inside_distance_m(self, north_m: float, east_m: float) -> float:
         """Signed distance to the boundary: positive inside, negative outside."""
-        inside = False
-        nearest = math.inf
-        points = self.polygon_ne_m
-        for (n0, e0), (n1, e1) in zip(points, points[1:] + points[:1], strict=True):
-            if (e0 > east_m) != (e1 > east_m) and north_m < (n1 - n0) * (east_m - e0) / (
-                e1 - e0
-            ) + n0:
-                inside = not inside
-            dn, de = n1 - n0, e1 - e0
-            length2 = dn * dn + de * de
-            along = ((north_m - n0) * dn + (east_m - e0) * de) / length2 if length2 else 0.0
-            along = min(1.0, max(0.0, along))
-            nearest = min(nearest, math.hypot(north_m - n0 - along * dn, east_m - e0 - along * de))
-        return nearest if inside else -nearest
+        return fence.inside_distance_m(self.outline_ne_m, north_m, east_m)
 
 
 class GuardConfig(Section):
-    """Limits that every setpoint obeys, whoever planned it (hal/vehicle/guard.py)."""
+    """Limits that every setpoint obeys, whoever planned it (hal/vehicle/guard)."""
 
     speed_max_m_s: Positive = 0.25
     climb_max_m_s: Positive = 0.5
@@ -424,7 +438,17 @@ class GuardConfig(Section):
     reaction_s: NonNegative = 0.6
     """How long the vehicle flies on before it brakes: one tick, the link, PX4's own lag."""
     braking_m_s2: Positive = 0.5
-    """With `reaction_s`: bounds the measured stop of a held position (hal/vehicle/guard.py)."""
+    """With `reaction_s`: bounds the measured stop of a held position (hal/vehicle/guard)."""
+    blind_s: NonNegative = 1.4
+    """How many seconds of its speed a vehicle travels on when this program dies: PX4 flies on by
+    the last setpoint until COM_OF_LOSS_T, then it stops (hal/vehicle/guard)."""
+    acceleration_max_m_s2: Positive = 2.0
+    """How much faster, or otherwise directed, one setpoint may be than the one before; slower
+    always."""
+    yaw_rate_max_deg_s: Positive = 120.0
+    corridor_sigma_m: NonNegative = 0.02
+    """The uncertainty of the position that the map's corridor has room for to both sides; where it
+    is larger the corridor is checked that much wider."""
     position_gain_per_s: NonNegative = 0.95
     """PX4's MPC_XY_P: what a position error adds to the velocity command."""
     beam_stop_m: Positive = 0.185

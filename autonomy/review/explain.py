@@ -8,7 +8,7 @@ from autonomy.errors import BadInput
 from autonomy.model import MissionState, NoPlan, ObstacleKind
 from autonomy.review.history import History, Moment, Replan
 from autonomy.review.invariants import PATH_STATES
-from hal.vehicle.guard import stopping_distance_m
+from hal.vehicle.guard import WORDS, stopping_distance_m
 
 DOING: dict[MissionState, str] = {
     MissionState.PREFLIGHT: "checking whether anything forbids the flight",
@@ -24,20 +24,6 @@ DOING: dict[MissionState, str] = {
     MissionState.LAND: "landing, flown by PX4",
     MissionState.DONE: "done",
     MissionState.YIELDED: "not flying: somebody else took the vehicle",
-}
-GUARD_WORDS: dict[str, str] = {
-    "setpoint_stale": "the setpoint was old",
-    "position_stale": "the position was old or unusable",
-    "leash": "the setpoint's position was too far from the vehicle",
-    "speed": "more than the top speed was asked for",
-    "climb": "more than the climb rate was asked for",
-    "altitude": "the altitude band would have been left",
-    "ceiling": "something was above",
-    "ground": "something was below",
-    "beam": "a beam read something nearer than allowed in that direction",
-    "brake": "the vehicle was faster than what stops in time",
-    "fence": "the fence was ahead",
-    "free_space": "the space ahead was not seen free far enough",
 }
 
 
@@ -115,7 +101,7 @@ def speed_rule(limit_m_s: float, guidance: GuidanceConfig) -> str:
 
 
 def _guard(moment: Moment) -> list[str]:
-    reasons = [GUARD_WORDS.get(limit, limit) for limit in moment.limits]
+    reasons = [WORDS.get(limit, limit) for limit in moment.limits]
     return [f"The guard changed the setpoint: {'; '.join(reasons)}."] if reasons else []
 
 

@@ -8,10 +8,11 @@ from string import Template
 from autonomy import __version__
 from autonomy.errors import BadInput
 from autonomy.report import FlightReport, report_rows
-from autonomy.review.explain import DOING, GUARD_WORDS, plan_words
+from autonomy.review.explain import DOING, plan_words
 from autonomy.review.figures import map_svg, persistence_svg, timeline_svg
 from autonomy.review.history import History, history_of
 from autonomy.review.invariants import Verdict, check
+from hal.vehicle.guard import WORDS
 
 _STYLE = """
 :root { color-scheme: light; --ink: #16191d; --quiet: #5c6672; --line: #d7dce2; --good: #187a3f;
@@ -151,7 +152,7 @@ def _events(history: History) -> str:
 def _guard(history: History) -> str:
     """Stretches of time in which a rule changed setpoints."""
     rows = [
-        (f"{begin:.2f} to {end:.2f} s", rule, GUARD_WORDS.get(rule, rule))
+        (f"{begin:.2f} to {end:.2f} s", rule, WORDS.get(rule, rule))
         for begin, end, rule in guard_stretches(history)
     ]
     return _table(("when", "rule", ""), rows) if rows else "<p>It changed nothing.</p>"

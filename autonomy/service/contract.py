@@ -101,11 +101,12 @@ class VehicleView(msgspec.Struct, frozen=True):
 
 
 class GuardView(msgspec.Struct, frozen=True):
-    """What the guard allowed in the newest tick."""
+    """What the guard allowed in the newest tick. `why` has a clause for each limit."""
 
     limits: tuple[str, ...]
     speed_limit_m_s: float
     free_distance_m: float
+    why: tuple[str, ...] = ()
 
 
 class FlightView(msgspec.Struct, frozen=True):

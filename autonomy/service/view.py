@@ -23,6 +23,7 @@ from autonomy.service.contract import (
 from autonomy.service.station import Drawn, Instant, Station
 from hal.config import BeamMount
 from hal.readings import RangeReading, RangeStatus
+from hal.vehicle.guard import WORDS
 
 _SEES = {
     RangeStatus.VALID: "hit",
@@ -43,7 +44,8 @@ def state(station: Station) -> State:
     guard = None
     if command is not None:
         report = command.guard
-        guard = GuardView(report.limits, report.speed_limit_m_s, report.free_distance_m)
+        why = tuple(WORDS.get(limit, limit) for limit in report.limits)
+        guard = GuardView(report.limits, report.speed_limit_m_s, report.free_distance_m, why)
     return State(
         time_s=instant.now_s,
         phase=station.phase,
@@ -58,7 +60,7 @@ def state(station: Station) -> State:
 def room(config: Config, scenario: str | None, *, token_required: bool) -> Room:
     """What stays."""
     return Room(
-        fence=tuple(config.guard.fence.polygon_ne_m),
+        fence=tuple(config.guard.fence.outline_ne_m),
         body_radius_m=config.body.radius_m,
         beam_max_m=config.beams.max_m,
         speed_max_m_s=config.guidance.speed_max_m_s,

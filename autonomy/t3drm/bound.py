@@ -147,5 +147,5 @@ def exposed_m(centres: Floats, radius_m: float, fence: Fence) -> Floats:
 
     All discs have the same radius. Summed over a component it is its perimeter, holes' too.
     """
-    polygon = np.array(fence.polygon_ne_m, dtype=np.float64)
+    polygon = np.array(fence.outline_ne_m, dtype=np.float64)
     return np.asarray(radius_m * kernels.exposed_arcs(centres, radius_m, polygon))

@@ -140,8 +140,8 @@ class Planner:
             body_radius_m + config.hard_clearance_m,
             config.levels,
         )
-        self._polygon = np.array(fence.polygon_ne_m, dtype=np.float64)
-        planes = fence_planes(fence.polygon_ne_m)
+        self._polygon = np.array(fence.outline_ne_m, dtype=np.float64)
+        planes = fence_planes(fence.outline_ne_m)
         self._convex = planes is not None
         self._planes = NO_PLANES if planes is None else planes
         self._sides = np.empty((0, 2)) if self._convex else self._polygon
@@ -243,7 +243,7 @@ class Planner:
 
     def _pulled_inside(self, point: Point) -> Point:
         """The nearest place 1 mm inside the fence."""
-        ring = self.fence.polygon_ne_m
+        ring = self.fence.outline_ne_m
         best, nearest = point, math.inf
         for a, b in zip(ring, ring[1:] + ring[:1], strict=True):
             length = distance(a, b)
@@ -561,7 +561,7 @@ def warm_up() -> None:
     ring = np.stack((4.0 + 0.6 * np.cos(turn), 0.6 * np.sin(turn)), axis=1)
     planner.plan((0.0, 0.0), (4.0, 0.1), ring)
     bent = Fence(polygon_ne_m=((-2, -3), (6, -3), (6, 3), (2, 0), (-2, 3)))
-    polygon = np.array(bent.polygon_ne_m)
+    polygon = np.array(bent.outline_ne_m)
     for convex in (True, False):
         geodesic((0.0, -2.0), (4.0, -0.9), wall, 0.2, polygon, 0.1, convex=convex)
     shortest_path((0.0, 0.0), (4.0, 0.1), wall, np.full(wall.shape[0], 0.2))

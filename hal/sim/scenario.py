@@ -260,7 +260,7 @@ class Scenario(Section):
         ):
             place = f"{what} ({point[0]:g}, {point[1]:g})"
             if self.fence.inside_distance_m(*point) <= 0.0:
-                raise ValueError(f"{place} is outside the fence: widen fence.polygon_ne_m")
+                raise ValueError(f"{place} is outside the fence: widen its fence")
             for index, obstacle in enumerate(self.obstacles):
                 distance_m = obstacle.distance_m(*point)
                 if distance_m < self.vehicle.body_radius_m:

@@ -84,7 +84,7 @@ def is_way(
     scenario: Scenario, hits: "np.ndarray[tuple[int, int], np.dtype[np.float64]]", radius_m: float
 ) -> bool:
     """True when a disc of this radius passes between the (n, 2) points and inside the fence."""
-    planes = fence_planes(scenario.fence.polygon_ne_m)
+    planes = fence_planes(scenario.fence.outline_ne_m)
     if planes is None:
         raise ValueError(f"{scenario.name}: the fence is not convex")
     radii = np.full(hits.shape[0], max(radius_m, OUTLINE_M))

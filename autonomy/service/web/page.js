@@ -80,6 +80,7 @@ function show() {
   put("n-mode", vehicle ? vehicle.mode : "–");
   put("n-guard", guard?.limits.length ? guard.limits.join(", ").replaceAll("_", " ") : guard ? "open" : "–",
     guard?.limits.length ? "warn" : "");
+  $("n-guard").title = guard?.why.join("; ") ?? "";
   put("hold", held() ? "Go on" : "Hold", "land");
   battery(vehicle);
   link(vehicle);

@@ -371,7 +371,7 @@ def test_shifting_moves_the_fence_against_the_offset() -> None:
     mission = desk.mission(MissionOrder(goals=([1.0, 2.0],)), (0.0, 0.0), 0.0)
     fence = shifted(mission, (3.0, -1.0)).config.guard.fence
     for moved, before in zip(
-        fence.polygon_ne_m, stage_config.guard.fence.polygon_ne_m, strict=True
+        fence.outline_ne_m, stage_config.guard.fence.outline_ne_m, strict=True
     ):
         assert moved == (before[0] - 3.0, before[1] + 1.0)
 

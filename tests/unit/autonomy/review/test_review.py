@@ -14,7 +14,7 @@ from autonomy.cli import main
 from autonomy.errors import BadInput, ExitCode
 from autonomy.logbook import report_of_log
 from autonomy.model import Command, Event, MissionState
-from autonomy.review.explain import DOING, GUARD_WORDS, explain
+from autonomy.review.explain import DOING, explain
 from autonomy.review.history import History, Moment, history_of
 from autonomy.review.invariants import Verdict, check
 from autonomy.review.page import guard_stretches, page_of
@@ -132,7 +132,7 @@ def test_a_moment_is_told_in_words(history: History) -> None:
     assert "The guard" not in told
     limited = altered(history, at, limits=(guard.FREE_SPACE,))
     told = explain(limited, history.moments[at].now_s - history.start_s + 1e-6)
-    assert GUARD_WORDS[guard.FREE_SPACE] in told
+    assert guard.WORDS[guard.FREE_SPACE] in told
 
 
 def test_the_reason_told_is_the_last_event_before(history: History) -> None:
@@ -151,7 +151,7 @@ def test_every_state_and_every_rule_of_the_guard_has_words() -> None:
         for name, value in vars(guard).items()
         if name.isupper() and isinstance(value, str) and not name.startswith("_")
     }
-    assert set(GUARD_WORDS) == rules
+    assert set(guard.WORDS) == rules
 
 
 def test_a_moment_beyond_the_log_is_refused_with_its_length(history: History) -> None:

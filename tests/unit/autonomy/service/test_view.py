@@ -70,6 +70,7 @@ def test_in_flight_everything_is_in_the_service_s_frame() -> None:
     assert state.flight.goals == ((3.0, -1.0),)
     assert state.guard is not None
     assert state.guard.limits == ("fence",)
+    assert state.guard.why == ("the fence was ahead",)
 
 
 def test_at_rest_the_vehicle_is_where_its_frame_says_less_the_origin() -> None:

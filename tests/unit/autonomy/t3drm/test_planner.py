@@ -195,7 +195,7 @@ def test_inside_a_fence_that_is_not_convex_the_plan_stays_inside() -> None:
     planner = Planner(PlannerConfig(), 0.15, fence)
     plan = planner.plan((0.3, 3.0), (3.7, 3.0), np.array([(1.0, 0.2)]))
     assert isinstance(plan, Plan)
-    polygon = np.array(fence.polygon_ne_m, dtype=np.float64)
+    polygon = np.array(fence.outline_ne_m, dtype=np.float64)
     assert kernels.path_is_inside(np.array(plan.points), polygon, polygon)
 
 

@@ -86,7 +86,7 @@ def test_a_shipped_scenario_leaves_room_to_take_off_and_holds_the_fence_inside(n
     assert world.clearance_m((0.0, 0.0, -0.1)) >= 0.5
     walls = [o for o in shipped.obstacles if o.label.endswith(" wall")]
     assert len(walls) == 4
-    for north, east in shipped.fence.polygon_ne_m:
+    for north, east in shipped.fence.outline_ne_m:
         assert min(wall.distance_m(north, east) for wall in walls) >= 0.15
 
 
@@ -230,7 +230,7 @@ PILLAR = {"kind": "disc", "centre_ne_m": [2.0, 2.0], "radius_m": 0.3}
         ),
         (
             {"goal_ne_m": [11.0, 0.0]},
-            r"the goal \(11, 0\) is outside the fence: widen fence\.polygon_ne_m",
+            r"the goal \(11, 0\) is outside the fence: widen its fence",
         ),
         (
             {"fence": {"polygon_ne_m": [[1, 1], [9, 1], [9, 9]]}, "goal_ne_m": [6.0, 2.0]},

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import pytest
 
@@ -16,9 +17,18 @@ HOME: Vector3 = (0.0, 0.0, -1.0)
 CORRIDOR_M = 0.185
 MPC_Z_P = 1.0
 """PX4's gain from height to velocity."""
-CONFIG = GuardConfig()
-SQUARE = GuardConfig(fence=Fence.rectangle((-1.0, 1.0), (-1.0, 1.0)))
-L_SHAPE = GuardConfig(
+
+
+def plain(**limits: Any) -> GuardConfig:
+    """A guard without the newer limits, which would hide the borders of the others."""
+    off = {"blind_s": 0.0, "acceleration_max_m_s2": 1e6, "yaw_rate_max_deg_s": 1e6}
+    off["corridor_sigma_m"] = 1.0
+    return GuardConfig(**(off | limits))
+
+
+CONFIG = plain()
+SQUARE = plain(fence=Fence.rectangle((-1.0, 1.0), (-1.0, 1.0)))
+L_SHAPE = plain(
     fence=Fence(
         polygon_ne_m=((-1.0, -1.0), (1.0, -1.0), (1.0, 0.0), (0.0, 0.0), (0.0, 1.0), (-1.0, 1.0))
     )

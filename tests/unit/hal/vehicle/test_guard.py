@@ -3,7 +3,7 @@ import math
 import msgspec
 import pytest
 
-from hal.config import Fence, GuardConfig
+from hal.config import Fence
 from hal.errors import ReadingRefused
 from hal.frames import Vector3
 from hal.vehicle import guard as g
@@ -20,6 +20,7 @@ from tests.unit.hal.vehicle.guard_world import (
     beam,
     effective,
     is_hold_at,
+    plain,
     setpoint,
     sight,
 )
@@ -56,7 +57,7 @@ def test_a_setpoint_within_every_limit_comes_back_as_the_very_same_object(
     assert verdict.speed_limit_m_s == CONFIG.speed_max_m_s
 
 
-def test_the_yaw_is_never_limited() -> None:
+def test_another_limit_leaves_the_yaw_alone() -> None:
     asked = setpoint(velocity=(1.0, 0.0, 0.0), yaw_rad=2.5)
     verdict = Guard(CONFIG).check(asked, sight(yaw_rad=-1.0))
     assert verdict.setpoint.yaw_rad == 2.5
@@ -145,7 +146,7 @@ def test_a_hold_begins_anew_after_motion_was_allowed() -> None:
 
 @pytest.mark.parametrize(("moved_m", "kept"), [(0.29, True), (0.31, False)])
 def test_a_hold_does_not_pull_from_far(moved_m: float, *, kept: bool) -> None:
-    guard = Guard(CONFIG)
+    guard = Guard(plain(speed_max_m_s=1.0))
     guard.check(setpoint(), sight(ok=False))
     verdict = guard.check(setpoint(), sight((moved_m, 0.0, -1.0), ok=False))
     assert verdict.setpoint.position_ned_m[0] == (0.0 if kept else moved_m)
@@ -363,7 +364,7 @@ def test_the_position_setpoint_is_on_a_leash(far_m: float, *, limited: bool) -> 
     # The feed-forward keeps the effective velocity small: the leash alone is asked.
     seen = sight()
     asked = setpoint((0.6 * far_m, 0.8 * far_m, -1.0), (-0.15, -0.2, 0.0))
-    config = GuardConfig(speed_max_m_s=1.0)
+    config = plain(speed_max_m_s=1.0)
     verdict = Guard(config).check(asked, seen)
     assert (g.LEASH in verdict.limits) == limited
     if limited:
@@ -427,7 +428,7 @@ def test_a_way_that_is_short_but_free_is_no_escape() -> None:
 
 
 def test_an_escape_respects_fence_and_beams() -> None:
-    fence = GuardConfig(fence=Fence.rectangle((-0.005, 1.0), (-1.0, 1.0)))
+    fence = plain(fence=Fence.rectangle((-0.005, 1.0), (-1.0, 1.0)))
     asked = setpoint(velocity=(-0.05, 0.0, 0.0))
     seen = sight(hits=((0.17, 0.0),))
     limited = Guard(fence).check(asked, seen)

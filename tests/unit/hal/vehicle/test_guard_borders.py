@@ -14,7 +14,9 @@ from hal.config import BeamMount, Fence, GuardConfig
 from hal.frames import Vector3
 from hal.readings import RangeStatus
 from hal.vehicle import guard as g
-from hal.vehicle.guard import BeamSight, Guard, GuardVerdict, Sight
+from hal.vehicle.guard import BeamSight, Guard, GuardVerdict, Sight, room, vertical
+from hal.vehicle.guard.around import Beam, Surroundings
+from hal.vehicle.guard.fence_ahead import crossing_m
 from tests.unit.hal.vehicle.guard_world import (
     CONFIG,
     HOME,
@@ -26,12 +28,13 @@ from tests.unit.hal.vehicle.guard_world import (
     climb,
     effective,
     is_hold_at,
+    plain,
     setpoint,
     sight,
 )
 
-FAST = GuardConfig(speed_max_m_s=2.0, climb_max_m_s=2.0)
-HALVES = GuardConfig(speed_max_m_s=0.5, beam_stop_m=0.25, position_max_age_s=0.25)
+FAST = plain(speed_max_m_s=2.0, climb_max_m_s=2.0)
+HALVES = plain(speed_max_m_s=0.5, beam_stop_m=0.25, position_max_age_s=0.25)
 """Limits that are sums of powers of two."""
 NEARLY = 1.0 + 1e-9
 """What rounding is allowed to add."""
@@ -79,7 +82,7 @@ def told(position: Vector3 = HOME, *, world: ToldWorld, sigma_m: float = 0.0) ->
 # ---------------------------------------------------------------- records
 
 
-@pytest.mark.parametrize("record", [BeamSight, Sight, GuardVerdict, g._Beam, g._Surroundings])
+@pytest.mark.parametrize("record", [BeamSight, Sight, GuardVerdict, Beam, Surroundings])
 def test_what_the_guard_sees_and_says_cannot_be_changed(record: Any) -> None:
     assert record.__struct_config__.frozen
 
@@ -117,7 +120,7 @@ def test_a_position_as_old_as_allowed_is_flown_by(age_s: float, *, stale: bool) 
 
 @pytest.mark.parametrize(("age_s", "stale"), [(0.25, False), (-0.25, False), (0.25 + 1e-9, True)])
 def test_a_setpoint_as_old_or_as_early_as_allowed_is_flown(age_s: float, *, stale: bool) -> None:
-    config = GuardConfig(setpoint_max_age_s=0.25)
+    config = plain(setpoint_max_age_s=0.25)
     verdict = Guard(config).check(setpoint(stamp_s=NOW_S - age_s), sight())
     assert (verdict.limits == (g.SETPOINT_STALE,)) is stale
 
@@ -184,7 +187,7 @@ def test_without_a_position_a_hold_does_not_move_for_a_surface(name: str) -> Non
 @pytest.mark.parametrize("drift", [(0.3, 0.0, 0.0), (0.0, -0.3, 0.0), (0.0, 0.0, 0.3)])
 def test_a_hold_pulls_as_far_as_its_reach_and_no_farther(drift: Vector3) -> None:
     place: Vector3 = (0.0, 0.0, 0.0)
-    guard = Guard(CONFIG)
+    guard = Guard(plain(speed_max_m_s=1.0))
     guard.check(setpoint(place), sight(place, ok=False))
     verdict = guard.check(setpoint(place), sight(drift, ok=False))
     assert verdict.setpoint.position_ned_m == place
@@ -297,7 +300,7 @@ def test_less_room_scales_a_setpoint_in_the_plane_only() -> None:
     ],
 )
 def test_rounding_may_leave_the_altitude_band(rise_m: float, limits: tuple[str, ...]) -> None:
-    config = GuardConfig(climb_max_m_s=5.0, leash_m=5.0)
+    config = plain(climb_max_m_s=5.0, leash_m=5.0)
     asked, seen = at_origin((0.0, 0.0, -rise_m))
     verdict = Guard(config).check(asked, seen)
     assert verdict.limits == limits
@@ -344,7 +347,7 @@ def test_a_climb_towards_a_surface_that_is_too_near_becomes_a_retreat_without_fe
 
 def test_the_limit_that_is_nearer_is_named_and_the_band_where_they_are_equal() -> None:
     # At 1 m: 1 m to the top of the band, 0.5 m to its bottom; beams stop at 0.25 m.
-    config = GuardConfig(altitude_min_m=0.5, beam_stop_m=0.25, climb_max_m_s=2.0)
+    config = plain(altitude_min_m=0.5, beam_stop_m=0.25, climb_max_m_s=2.0)
     for name, range_m, rate, reason in (
         ("up", 1.25, 1.5, g.ALTITUDE),
         ("up", 1.24, 1.5, g.CEILING),
@@ -375,8 +378,8 @@ def test_a_retreat_does_not_come_near_the_other_surface(near: str, far: str) -> 
 @pytest.mark.parametrize(
     ("config", "retreat_m_s"),
     [
-        (GuardConfig(climb_max_m_s=0.05), 0.05),
-        (GuardConfig(leash_m=0.06), 0.06),
+        (plain(climb_max_m_s=0.05), 0.05),
+        (plain(leash_m=0.06), 0.06),
         (CONFIG, 0.1),
     ],
 )
@@ -392,7 +395,7 @@ def test_a_retreat_is_as_slow_as_the_slowest_of_its_limits(
 def test_a_height_is_approached_with_the_gain_that_px4_has(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(g, "HEIGHT_GAIN_PER_S", 2.0)
+    monkeypatch.setattr(vertical, "HEIGHT_GAIN_PER_S", 2.0)
     # Too fast: 0.5 m of height is 1 m/s by itself, half of that is allowed.
     up = Guard(CONFIG).check(setpoint((0.0, 0.0, -1.5)), sight())
     assert up.setpoint.position_ned_m[2] == pytest.approx(-1.25)
@@ -400,7 +403,7 @@ def test_a_height_is_approached_with_the_gain_that_px4_has(
     off = Guard(CONFIG).check(setpoint(), sight(beams=(beam("up", 0.135),)))
     assert off.setpoint.position_ned_m[2] == pytest.approx(-0.95)
     # 2 cm of leash are 0.04 m/s.
-    short = Guard(GuardConfig(leash_m=0.02)).check(setpoint(), sight(beams=(beam("up", 0.02),)))
+    short = Guard(plain(leash_m=0.02)).check(setpoint(), sight(beams=(beam("up", 0.02),)))
     assert short.setpoint.position_ned_m[2] == pytest.approx(-0.98)
 
 
@@ -519,7 +522,7 @@ def test_where_nothing_moves_the_way_is_free_as_far_as_is_ever_asked() -> None:
 
 @pytest.mark.parametrize("speed_m_s", [0.25, 0.3, 0.37, 0.7, 1.1])
 def test_a_way_free_as_far_as_is_ever_asked_is_flown_at_exactly_top_speed(speed_m_s: float) -> None:
-    guard = Guard(GuardConfig(speed_max_m_s=speed_m_s))
+    guard = Guard(plain(speed_max_m_s=speed_m_s))
     verdict = guard.check(setpoint(velocity=(0.1, 0.0, 0.0)), sight())
     assert verdict.speed_limit_m_s == speed_m_s
     assert verdict.free_distance_m == guard.horizon_m
@@ -535,7 +538,7 @@ def test_rounding_may_add_to_the_speed_that_is_left() -> None:
 
 def test_fence_and_space_at_the_same_distance_are_told_as_space() -> None:
     for free_m, reason in ((0.5, g.FREE_SPACE), (0.51, g.FENCE), (0.49, g.FREE_SPACE)):
-        config = GuardConfig(speed_max_m_s=1.0, fence=SQUARE.fence)
+        config = plain(speed_max_m_s=1.0, fence=SQUARE.fence)
         seen = told((0.5, 0.0, -1.0), world=ToldWorld(free_m=free_m))
         verdict = Guard(config).check(setpoint((0.5, 0.0, -1.0), (0.9, 0.0, 0.0)), seen)
         assert verdict.limits == (reason,)
@@ -633,7 +636,7 @@ def test_an_escape_leads_away_from_the_hit_wherever_that_is(
 
 
 def test_an_escape_at_exactly_the_steepest_angle_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(g, "ESCAPE_COSINE", -math.cos(2.0))
+    monkeypatch.setattr(room, "ESCAPE_COSINE", -math.cos(2.0))
     assert fleeing(0.0, (0.15, 2.0))[0].limits == ()
     assert fleeing(0.0, (0.15, 1.999))[0].limits == (g.FREE_SPACE,)
 
@@ -661,9 +664,9 @@ def test_an_escape_looks_for_a_hit_and_for_open_space_within_its_longest_step() 
 def test_an_escape_is_as_slow_as_the_slowest_of_its_limits() -> None:
     for config, expected in (
         (CONFIG, 0.06),
-        (GuardConfig(speed_max_m_s=0.04), 0.04),
+        (plain(speed_max_m_s=0.04), 0.04),
         # 3.2 cm to the fence allow 0.05 m/s.
-        (GuardConfig(fence=Fence.rectangle((-9.0, 0.0325), (-9.0, 9.0))), 0.05),
+        (plain(fence=Fence.rectangle((-9.0, 0.0325), (-9.0, 9.0))), 0.05),
     ):
         world = ToldWorld(free_m=0.0, nearest=(0.15, math.pi), free_elsewhere_m=9.0)
         verdict = Guard(config).check(setpoint(velocity=(0.2, 0.0, 0.0)), told(world=world))
@@ -674,7 +677,7 @@ def test_an_escape_is_as_slow_as_the_slowest_of_its_limits() -> None:
 # ---------------------------------------------------------------- fence
 
 
-LOPSIDED = GuardConfig(fence=Fence.rectangle((-3.0, 1.0), (-5.0, 2.0)))
+LOPSIDED = plain(fence=Fence.rectangle((-3.0, 1.0), (-5.0, 2.0)))
 
 
 @pytest.mark.parametrize(
@@ -722,7 +725,7 @@ def test_the_fence_is_not_forgotten_on_the_way_to_it(
     now: tuple[float, float],
     velocity: tuple[float, float],
 ) -> None:
-    guard = Guard(GuardConfig(fence=Fence.rectangle(north, east)))
+    guard = Guard(plain(fence=Fence.rectangle(north, east)))
     # Far from where it began, so that the distance is computed at `before`.
     for at in ((north[1] - 0.1, east[0] + 0.1), before, now):
         place = (*at, -1.0)
@@ -732,7 +735,7 @@ def test_the_fence_is_not_forgotten_on_the_way_to_it(
 
 
 def test_on_the_fence_exactly_the_flattest_way_inwards_is_one() -> None:
-    config = GuardConfig(fence=Fence.rectangle((-5.0, 0.0), (-5.0, 5.0)))
+    config = plain(fence=Fence.rectangle((-5.0, 0.0), (-5.0, 5.0)))
     velocity = (-0.015030000000000002, 0.04779235399098898, 0.0)
     assert velocity[0] / math.hypot(velocity[0], velocity[1]) == -0.3
     asked = setpoint((0.0, 0.0, -1.0), velocity)
@@ -774,7 +777,7 @@ def test_a_new_guard_knows_how_far_the_fence_is() -> None:
 
 
 def test_what_is_inside_by_rounding_only_is_outside() -> None:
-    config = GuardConfig(fence=Fence.rectangle((-5.0, 0.0), (-5.0, 5.0)))
+    config = plain(fence=Fence.rectangle((-5.0, 0.0), (-5.0, 5.0)))
     for inside_m, limits in ((1e-9, (g.FENCE,)), (1.1e-9, ())):
         place = (-inside_m, 0.0, -1.0)
         asked = setpoint(place, (0.0, 0.2, 0.0))
@@ -831,11 +834,11 @@ Point = tuple[float, float]
 def test_where_a_ray_meets_an_edge(
     place: Point, towards: Point, a: Point, b: Point, expected: float
 ) -> None:
-    assert g._crossing_m(*place, *towards, a, b) == pytest.approx(expected)
+    assert crossing_m(*place, *towards, a, b) == pytest.approx(expected)
 
 
 def test_only_velocity_and_place_in_the_plane_are_flown_with_px4s_gain() -> None:
-    config = GuardConfig(position_gain_per_s=0.5, speed_max_m_s=1.0)
+    config = plain(position_gain_per_s=0.5, speed_max_m_s=1.0)
     seen = sight()
     verdict = Guard(config).check(setpoint((0.2, -0.4, -1.0), (0.1, 0.3, 0.0)), seen)
     assert effective(verdict, seen, config) == pytest.approx((0.2, 0.1))

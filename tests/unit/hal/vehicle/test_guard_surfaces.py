@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from hal.config import BeamMount, GuardConfig
+from hal.config import BeamMount
 from hal.frames import Vector3
 from hal.readings import RangeStatus
 from hal.vehicle import guard as g
@@ -16,6 +16,7 @@ from tests.unit.hal.vehicle.guard_world import (
     climb,
     effective,
     is_hold_at,
+    plain,
     setpoint,
     sight,
 )
@@ -246,7 +247,7 @@ def test_a_doubted_surface_is_not_approached_and_not_fled(name: str, sign: float
 def test_a_retreat_keeps_the_leash() -> None:
     seen = sight(beams=(beam("up", 0.02),))
     asked = setpoint((0.6, 0.0, -1.0), (-0.4, 0.0, 0.0))
-    verdict = Guard(GuardConfig(speed_max_m_s=0.6)).check(asked, seen)
+    verdict = Guard(plain(speed_max_m_s=0.6)).check(asked, seen)
     assert climb(verdict, seen) == pytest.approx(-g.RETREAT_M_S)
     assert math.hypot(*verdict.setpoint.position_ned_m[:2], 0.1) == pytest.approx(0.6)
 
