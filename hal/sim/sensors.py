@@ -6,11 +6,12 @@ the same calls give the same readings.
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Generic, Protocol, TypeVar
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
 from hal.config import BeamMount, BeamsConfig
 from hal.frames import Vector3, geodetic_from_ned
@@ -43,14 +44,33 @@ class BeamSampler(Protocol):
         ...
 
 
-def _normal_rows(rng: np.random.Generator, width: int) -> Iterator[list[float]]:
-    while True:
-        yield from rng.standard_normal((_BLOCK, width)).tolist()
+class _Rows:
+    """Rows of random numbers, drawn a block at a time. Unlike a generator it can be copied."""
+
+    def __init__(
+        self, draw: Callable[[tuple[int, int]], npt.NDArray[np.float64]], width: int
+    ) -> None:
+        self._draw = draw
+        self._width = width
+        self._rows: Iterator[list[float]] = iter(())
+
+    def __iter__(self) -> Iterator[list[float]]:
+        return self
+
+    def __next__(self) -> list[float]:
+        row = next(self._rows, None)
+        if row is None:
+            self._rows = iter(self._draw((_BLOCK, self._width)).tolist())
+            row = next(self._rows)
+        return row
 
 
-def _uniform_rows(rng: np.random.Generator, width: int) -> Iterator[list[float]]:
-    while True:
-        yield from rng.random((_BLOCK, width)).tolist()
+def _normal_rows(rng: np.random.Generator, width: int) -> _Rows:
+    return _Rows(rng.standard_normal, width)
+
+
+def _uniform_rows(rng: np.random.Generator, width: int) -> _Rows:
+    return _Rows(rng.random, width)
 
 
 class _Rate:

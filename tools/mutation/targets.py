@@ -60,6 +60,16 @@ def _same(reason: str, line: str, *mutants: str) -> dict[str, str]:
     return {f"{line} -> {mutant}": reason for mutant in mutants}
 
 
+def _guard(module: str, equivalent: dict[str, str] | None = None) -> Target:
+    """One module of the guard; all of its tests are asked."""
+    parts = ("", "_surfaces", "_borders", "_flights", "_pace")
+    return Target(
+        Path(f"hal/vehicle/guard/{module}.py"),
+        tuple(f"{GUARD}{part}.py" for part in parts),
+        equivalent=equivalent or {},
+    )
+
+
 TARGETS: dict[str, Target] = {
     "direction": Target(
         Path("autonomy/t3drm/direction.py"),
@@ -136,30 +146,38 @@ TARGETS: dict[str, Target] = {
     "square-kernels": _kernels(
         "squares", "into_squares", "_strip", "_columns_of", "points_near", "segment_is_free"
     ),
-    "guard": Target(
-        Path("hal/vehicle/guard.py"),
-        tuple(f"{GUARD}{part}.py" for part in ("", "_surfaces", "_borders", "_flights")),
-        equivalent=_same(
+    "guard": _guard("guard"),
+    "guard-sight": _guard("sight"),
+    "guard-stopping": _guard("stopping"),
+    "guard-pace": _guard("pace"),
+    "guard-around": _guard("around"),
+    "guard-room": _guard("room"),
+    "guard-fence": _guard(
+        "fence_ahead",
+        _same(
             "any place will do: the distance that is remembered is computed for it",
-            "__init__: self._fence_at = (0.0, 0.0)",
-            *("self._fence_at = ( -1.0, 0.0)", "self._fence_at = ( 1.0, 0.0)"),
-            *("self._fence_at = (0.0, -1.0)", "self._fence_at = (0.0, 1.0)"),
+            "__init__: self._known_at = (0.0, 0.0)",
+            *("self._known_at = ( -1.0, 0.0)", "self._known_at = ( 1.0, 0.0)"),
+            *("self._known_at = (0.0, -1.0)", "self._known_at = (0.0, 1.0)"),
         )
         | _same(
+            "then the distance is computed anew",
+            "distance_m: if self._known_inside_m - travelled_m >= reach_m:",
+            "if self._known_inside_m - travelled_m > reach_m:",
+        ),
+    ),
+    "guard-vertical": _guard(
+        "vertical",
+        _same(
             "where nothing is allowed both ways give nothing; equal is no limit",
-            "_vertical: if allowed * effective >= 0.0 and abs(allowed) < abs(effective):",
+            "limited: if allowed * effective >= 0.0 and abs(allowed) < abs(effective):",
             "if allowed * effective > 0.0 and abs(allowed) < abs(effective):",
             "if allowed * effective >= 0.0 and abs(allowed) <= abs(effective):",
         )
         | _same(
             "only saves making an equal setpoint",
-            "_vertical: if reason is None and rise == -offset[2]:",
+            "limited: if reason is None and rise == -offset[2]:",
             "if reason is None and rise == +offset[2]:",
-        )
-        | _same(
-            "then the distance is computed anew",
-            "_fence_distance_m: if self._fence_inside_m - travelled_m >= reach_m:",
-            "if self._fence_inside_m - travelled_m > reach_m:",
         ),
     ),
 }
