@@ -113,7 +113,7 @@ def judged(flight: SimulatedFlight, scenario: Scenario, config: Config) -> str:
 def optimum_m(scenario: Scenario, config: Config) -> float | None:
     """The shortest way of the body's disc at the mission's height; None where there is none."""
     hits = np.array(outline_hits(scenario, config, _OUTLINE_M), dtype=np.float64).reshape(-1, 2)
-    planes = fence_planes(scenario.fence.polygon_ne_m)
+    planes = fence_planes(scenario.fence.outline_ne_m)
     if planes is None:
         raise ValueError(f"{scenario.name}: the fence is not convex")
     radii = np.full(hits.shape[0], config.body.radius_m + OUTLINE_M)
