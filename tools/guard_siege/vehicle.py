@@ -80,7 +80,8 @@ class WorstVehicle:
     def _follow(self, north: float, east: float) -> tuple[float, float]:
         """The velocity after one step: what there is too much of falls slowly, the rest is there.
 
-        Along the present motion the command may be smaller: that is braking.
+        Along the present motion the command may be smaller: that is braking. It is never faster
+        than it was, or than it is told to be.
         """
         vn, ve = self.velocity[0], self.velocity[1]
         speed = math.hypot(vn, ve)
@@ -89,6 +90,8 @@ class WorstVehicle:
         un, ue = vn / speed, ve / speed
         along = max(north * un + east * ue, speed - self.make.braking_m_s2 * STEP_S)
         across = east * un - north * ue
+        most = max(speed, math.hypot(north, east)) / max(math.hypot(along, across), 1e-9)
+        along, across = along * min(1.0, most), across * min(1.0, most)
         return along * un - across * ue, along * ue + across * un
 
     def twin(self) -> "WorstVehicle":

@@ -149,7 +149,18 @@ TARGETS: dict[str, Target] = {
     "guard": _guard("guard"),
     "guard-sight": _guard("sight"),
     "guard-stopping": _guard("stopping"),
-    "guard-pace": _guard("pace"),
+    "guard-pace": _guard(
+        "pace",
+        _same(
+            "before the first setpoint the vehicle counts as being at rest, whatever stands here",
+            "__init__: self._before = self._sent = (0.0, 0.0)",
+            *(
+                "self._before = self._sent = ( -1.0, 0.0)",
+                "self._before = self._sent = ( 1.0, 0.0)",
+            ),
+            *("self._before = self._sent = (0.0, -1.0)", "self._before = self._sent = (0.0, 1.0)"),
+        ),
+    ),
     "guard-around": _guard("around"),
     "guard-room": _guard("room"),
     "guard-fence": _guard(

@@ -212,6 +212,9 @@ class Guard:
         n, e = self._effective(offset, velocity)
         speed = math.hypot(n, e)
         if speed == 0.0:
+            if self._must_brake(n, e, sight):
+                limits.append(BRAKE)
+                offset, velocity = _scaled(offset, velocity, 0.0)
             return offset, velocity, self._speed_max_m_s, self.horizon_m
         way = self._room.way(n / speed, e / speed, sight)
         factor = 1.0
@@ -225,7 +228,11 @@ class Guard:
         return offset, velocity, way.allowed_m_s, way.free_m
 
     def _must_brake(self, north: float, east: float, sight: Sight) -> bool:
-        """The vehicle moves faster than it can stop, and the command (north, east) feeds that."""
+        """The vehicle moves faster than it can stop, and the command (north, east) feeds that.
+
+        Or the command is to stop, wherever the vehicle is by now: that has no bound worth having,
+        a held position has.
+        """
         vn, ve = sight.velocity_ned_m_s[0], sight.velocity_ned_m_s[1]
         actual = math.hypot(vn, ve)
         if actual <= DRIFT_M_S:
@@ -233,7 +240,8 @@ class Guard:
         un, ue = vn / actual, ve / actual
         fed = north * un + east * ue
         stoppable = self._room.way(un, ue, sight).stoppable_m_s
-        return actual > stoppable and fed > stoppable * (1.0 + ROUNDING)
+        fed_on = fed > stoppable * (1.0 + ROUNDING)
+        return actual > stoppable and (fed_on or math.hypot(north, east) <= DRIFT_M_S)
 
 
 def _scaled(offset: Vector3, velocity: Vector3, factor: float) -> tuple[Vector3, Vector3]:

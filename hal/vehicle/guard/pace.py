@@ -22,8 +22,7 @@ class Pace:
         self._acceleration_m_s2 = config.acceleration_max_m_s2
         self._yaw_rate_rad_s = math.radians(config.yaw_rate_max_deg_s)
         self._before_s = self._sent_s = -math.inf
-        self._before: tuple[float, float] = (0.0, 0.0)
-        self._sent: tuple[float, float] = (0.0, 0.0)
+        self._before = self._sent = (0.0, 0.0)
         self._yaw_before_rad: float | None = None
         self._yaw_sent_rad: float | None = None
         self._asked: Setpoint | None = None

@@ -391,3 +391,36 @@ def test_a_hold_pulls_no_faster_and_no_farther_than_a_setpoint_may(
         guard.check(setpoint(), sight(ok=False))
         verdict = guard.check(setpoint(), sight((moved_m, 0.0, -1.0), ok=False))
         assert (verdict.setpoint.position_ned_m[0] == 0.0) == kept
+
+
+@pytest.mark.parametrize(
+    ("command_m_s", "free_m", "held"),
+    [
+        (0.0, 0.1, True),
+        (0.03, 0.1, True),
+        (0.031, 0.1, False),
+        (-0.02, 0.1, True),
+        (0.0, 0.17, False),
+    ],
+)
+def test_a_command_to_stop_holds_a_vehicle_that_is_faster_than_stops_in_time(
+    command_m_s: float, free_m: float, *, held: bool
+) -> None:
+    # "Zero velocity, wherever you are by now" follows the vehicle; a hold does not.
+    guard = Guard(plain())
+    for north in (0.0, 0.01):
+        velocity = (0.2, 0.0, 0.0)
+        seen = sight((north, 0.0, -1.0), velocity, hits=((north + free_m + 0.185, 0.0),))
+        asked = setpoint(seen.position_ned_m, (command_m_s, 0.0, 0.0))
+        verdict = guard.check(asked, seen)
+        assert (verdict.limits == (g.BRAKE,)) == held
+    assert is_hold_at(verdict, HOME) == held
+
+
+def test_a_command_to_stop_where_the_feed_forward_cancels_the_position_holds_too() -> None:
+    seen = sight(velocity=(0.2, 0.0, 0.0), hits=((0.285, 0.0),))
+    config = plain(position_gain_per_s=0.5)
+    asked = setpoint((0.125, 0.0, -1.0), (-0.0625, 0.0, 0.0))
+    verdict = Guard(config).check(asked, seen)
+    assert verdict.limits == (g.BRAKE,)
+    assert is_hold_at(verdict, HOME)
