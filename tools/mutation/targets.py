@@ -60,6 +60,9 @@ def _same(reason: str, line: str, *mutants: str) -> dict[str, str]:
     return {f"{line} -> {mutant}": reason for mutant in mutants}
 
 
+_PART = "accelerated: part = (north * before_n + east * before_e) / square if square > 0.0 else 0.0"
+
+
 def _guard(module: str, equivalent: dict[str, str] | None = None) -> Target:
     """One module of the guard; all of its tests are asked."""
     parts = ("", "_surfaces", "_borders", "_flights", "_pace")
@@ -159,6 +162,22 @@ TARGETS: dict[str, Target] = {
                 "self._before = self._sent = ( 1.0, 0.0)",
             ),
             *("self._before = self._sent = (0.0, -1.0)", "self._before = self._sent = (0.0, 1.0)"),
+        )
+        | _same(
+            "the first setpoint is always a new one",
+            "__init__: self._asked_since_s = -math.inf",
+            "self._asked_since_s = +math.inf",
+        )
+        | _same(
+            "any part of a velocity of zero is zero",
+            _PART,
+            _PART.partition(": ")[2].replace("else 0.0", "else 1.0"),
+            _PART.partition(": ")[2].replace("else 0.0", "else -1.0"),
+        )
+        | _same(
+            "no sum of angles is exactly as far off as rounding may be",
+            "turned: if abs(asked - allowed) <= _ROUNDING:",
+            "if abs(asked - allowed) < _ROUNDING:",
         ),
     ),
     "guard-around": _guard("around"),

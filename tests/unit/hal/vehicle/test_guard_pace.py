@@ -97,6 +97,34 @@ def test_another_direction_is_reached_by_braking_and_a_little_more(
     assert limits == (g.ACCELERATION,)
 
 
+@pytest.mark.parametrize(
+    ("before", "asked", "sent"),
+    [
+        ((0.12, 0.16), (0.06, 0.08), (0.06, 0.08)),
+        ((0.12, 0.16), (0.15, 0.2), (0.15, 0.2)),
+        ((0.12, 0.16), (-0.16, 0.12), (-0.8 * TICK_S, 0.6 * TICK_S)),
+        ((0.12, 0.16), (0.16, -0.12), (0.8 * TICK_S, -0.6 * TICK_S)),
+        ((0.0, 0.2), (0.2, 0.1), (TICK_S, 0.1)),
+        ((0.0, -0.2), (0.2, -0.1), (TICK_S, -0.1)),
+        ((-0.2, 0.0), (-0.1, 0.2), (-0.1, TICK_S)),
+        ((0.0, 0.1), (0.0, 0.25), (0.0, 0.1 + TICK_S)),
+        ((0.03, 0.04), (0.15, 0.2), (0.03 + 0.6 * TICK_S, 0.04 + 0.8 * TICK_S)),
+    ],
+)
+def test_every_direction_is_braked_and_accelerated_alike(
+    before: tuple[float, float], asked: tuple[float, float], sent: tuple[float, float]
+) -> None:
+    velocity, limits = flown(SLOW, before, asked)[1]
+    assert velocity == pytest.approx(sent)
+    assert (limits == ()) == (sent == asked)
+
+
+def test_rounding_may_add_to_the_acceleration() -> None:
+    most = TICK_S + 1e-9
+    assert flown(SLOW, (0.0, 0.0), (most, 0.0))[1][1] == ()
+    assert flown(SLOW, (0.0, 0.0), (math.nextafter(most, 1.0), 0.0))[1][1] == (g.ACCELERATION,)
+
+
 def test_what_was_sent_counts_and_not_what_was_asked() -> None:
     found = flown(SLOW, (0.0, 0.0), (9.0, 0.0), (9.0, 0.0))
     assert found[2][0] == pytest.approx((2 * TICK_S, 0.0))
@@ -121,14 +149,28 @@ def test_checking_twice_at_one_instant_gains_nothing() -> None:
     assert guard.check(first.setpoint, seen).setpoint is first.setpoint
 
 
-def test_after_a_pause_the_vehicle_counts_as_being_at_rest() -> None:
+@pytest.mark.parametrize("towards", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+def test_after_a_pause_the_vehicle_counts_as_being_at_rest(towards: tuple[float, float]) -> None:
     config = plain(acceleration_max_m_s2=0.5, setpoint_max_age_s=0.25, position_max_age_s=9.0)
+    north, east = towards
     for ticks, limited in ((4, False), (4.1, True)):
         guard = Guard(config)
-        guard.check(setpoint(velocity=(0.125, 0.0, 0.0)), sight())
+        guard.check(setpoint(velocity=(0.125 * north, 0.125 * east, 0.0)), sight())
         seen = later(sight(), ticks)
-        asked = setpoint(velocity=(0.2, 0.0, 0.0), stamp_s=seen.now_s)
-        assert (guard.check(asked, seen).limits == (g.ACCELERATION,)) == limited
+        asked = setpoint(velocity=(0.2 * north, 0.2 * east, 0.0), stamp_s=seen.now_s)
+        verdict = guard.check(asked, seen)
+        assert (verdict.limits == (g.ACCELERATION,)) == limited
+        if limited:
+            assert effective(verdict, seen) == pytest.approx((0.125 * north, 0.125 * east))
+
+
+def test_where_time_runs_back_nothing_grows() -> None:
+    guard = Guard(SLOW)
+    for tick in (1, 2):
+        seen = later(sight(), tick)
+        guard.check(setpoint(velocity=(0.1, 0.0, 0.0), stamp_s=seen.now_s), seen)
+    verdict = guard.check(setpoint(velocity=(0.2, 0.0, 0.0)), sight())
+    assert effective(verdict, sight()) == pytest.approx((0.1, 0.0))
 
 
 def test_a_beam_takes_its_component_away_at_once() -> None:
@@ -174,9 +216,10 @@ def test_a_first_heading_may_be_as_far_round_as_a_pause_allows() -> None:
     config = plain(yaw_rate_max_deg_s=math.degrees(1.0), setpoint_max_age_s=0.125)
     assert turned(config, (0.125, 0.0)) == [(0.125, ())]
     assert turned(config, (0.875, 1.0)) == [(0.875, ())]
-    ((sent, limits),) = turned(config, (0.126, 0.0))
-    assert sent == pytest.approx(0.125)
-    assert limits == (g.YAW_RATE,)
+    for sign in (1.0, -1.0):
+        ((sent, limits),) = turned(config, (sign * 0.126, 0.0))
+        assert sent == pytest.approx(sign * 0.125)
+        assert limits == (g.YAW_RATE,)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
