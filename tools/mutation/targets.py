@@ -181,7 +181,21 @@ TARGETS: dict[str, Target] = {
         ),
     ),
     "guard-around": _guard("around"),
-    "guard-room": _guard("room"),
+    "guard-room": _guard(
+        "room",
+        _same(
+            "three times the same corridor",
+            "_seen_m: asides = (0.0,) if aside_m <= 0.0 else (0.0, aside_m, -aside_m)",
+            "asides = (0.0,) if aside_m < 0.0 else (0.0, aside_m, -aside_m)",
+        )
+        | _same(
+            "less than nothing allows no more than nothing",
+            "_seen_m: reach_m = min(reach_m, seen_m) if seen_m > 0.0 else 0.0",
+            "reach_m = min(reach_m, seen_m) if seen_m >= 0.0 else 0.0",
+            "reach_m = min(reach_m, seen_m) if seen_m > -1.0 else 0.0",
+            "reach_m = min(reach_m, seen_m) if seen_m > 0.0 else -1.0",
+        ),
+    ),
     "guard-fence": _guard(
         "fence_ahead",
         _same(

@@ -391,6 +391,13 @@ def test_the_nearest_of_the_three_corridors_counts() -> None:
         assert verdict.free_distance_m == pytest.approx(expected)
 
 
+def test_between_corridors_far_aside_the_middle_one_counts() -> None:
+    seen = sight(hits=((0.5, 0.0),), sigma_m=0.25)
+    config = plain(corridor_sigma_m=0.0, blind_s=1.4)
+    verdict = Guard(config).check(setpoint(velocity=(0.2, 0.0, 0.0)), seen)
+    assert verdict.free_distance_m == pytest.approx(0.5 - 0.185 - 0.25)
+
+
 class BrokenWorld(DiscWorld):
     """Seen space that answers with what is no number."""
 
