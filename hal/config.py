@@ -439,7 +439,7 @@ class GuardConfig(Section):
     """How long the vehicle flies on before it brakes: one tick, the link, PX4's own lag."""
     braking_m_s2: Positive = 0.5
     """With `reaction_s`: bounds the measured stop of a held position (hal/vehicle/guard)."""
-    blind_s: NonNegative = 1.4
+    blind_s: NonNegative = 1.6
     """How many seconds of its speed a vehicle travels on when this program dies: PX4 flies on by
     the last setpoint until COM_OF_LOSS_T, then it stops (hal/vehicle/guard)."""
     acceleration_max_m_s2: Positive = 2.0

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -11,7 +12,7 @@ from hal.config import GuardConfig
 from hal.setpoints import Setpoint
 from hal.vehicle.guard import GuardVerdict, Sight
 from tools.guard_siege import siege as under
-from tools.guard_siege.driver import run
+from tools.guard_siege.driver import Tally, besiege, run
 from tools.guard_siege.siege import Ask, Siege, Stage, Violation
 from tools.guard_siege.vehicle import Make
 
@@ -115,6 +116,11 @@ def test_the_driver_finds_nothing_and_tells_what_it_did() -> None:
     assert tally.steps == 3000
     assert tally.kills > 20
     assert {"speed", "acceleration", "yaw_rate", "free_space", "fence"} <= set(tally.limits)
+
+
+@pytest.mark.parametrize("number", [576, 672, 2343])
+def test_sieges_that_were_lost_once_are_held(number: int) -> None:
+    besiege(np.random.default_rng((0, number)), Tally(), 1000)
 
 
 def test_the_same_seed_is_the_same_siege() -> None:

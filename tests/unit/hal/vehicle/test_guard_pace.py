@@ -140,6 +140,15 @@ def test_the_pull_of_a_position_is_accelerated_like_a_velocity() -> None:
     assert verdict.limits == (g.ACCELERATION,)
 
 
+def test_too_quick_a_start_leaves_the_climb_alone() -> None:
+    guard = Guard(SLOW)
+    guard.check(setpoint(), sight())
+    seen = later(sight(), 1)
+    verdict = guard.check(setpoint(HOME, (0.2, 0.05, -0.1), stamp_s=seen.now_s), seen)
+    assert verdict.setpoint.velocity_ned_m_s[2] == -0.1
+    assert verdict.limits == (g.ACCELERATION,)
+
+
 def test_checking_twice_at_one_instant_gains_nothing() -> None:
     guard, asked = Guard(SLOW), setpoint(velocity=(0.25, 0.0, 0.0), stamp_s=NOW_S)
     guard.check(setpoint(), sight())
