@@ -200,6 +200,8 @@ class MissionConfig(Section):
     detection_range_m: Positive = 0.6
     """A hit nearer than this and in the way stops the straight flight (paper: the IR range)."""
     time_limit_s: Positive = 600.0
+    path_limit_m: Positive | None = None
+    """Of way flown; None: as far as the time allows."""
     preflight_timeout_s: Positive = 20.0
     takeoff_timeout_s: Positive = 30.0
     land_timeout_s: Positive = 60.0
@@ -207,16 +209,57 @@ class MissionConfig(Section):
     replan: ReplanConfig = Field(default_factory=ReplanConfig)
 
 
+Ending = Literal["land", "return"]
+"""How a mission ends that cannot go on: here, or back along what was flown."""
+
+
 class FailsafeConfig(Section):
     """Limits that end or interrupt a mission."""
 
     battery_warn: Annotated[float, Field(ge=0.0, le=1.0)] = 0.25
+    battery_return: Annotated[float, Field(ge=0.0, le=1.0)] = 0.20
     battery_land: Annotated[float, Field(ge=0.0, le=1.0)] = 0.15
     sensor_loss_hold_s: Positive = 0.5
     """A horizontal beam silent for this long: hold ..."""
     sensor_loss_land_s: Positive = 5.0
     """... and for this long: land."""
     state_loss_land_s: Positive = 2.0
+    flapping_holds: int = Field(default=10, ge=2)
+    """The same fault, gone and back this often ..."""
+    flapping_window_s: Positive = 60.0
+    """... within this: the next step of the escalation."""
+    jump_stop_m: Positive = 0.3
+    """A jump of PX4's frame by this much: stop, look round, plan anew."""
+    drift_m: Positive = 0.25
+    """Flown this far elsewhere than asked for within seconds: hold ..."""
+    drift_land_s: Positive = 0.4
+    """... and for this long: land."""
+    fence_return_m: Positive = 0.15
+    """This far outside the geofence: return ..."""
+    fence_land_m: Positive = 0.6
+    """... and this far: land."""
+    battery_low: Ending = "return"
+    """At `battery_return`: return, where the rate of discharge leaves the time for it, or land."""
+    sensor_loss: Ending = "land"
+    """A beam silent for `sensor_loss_land_s`, or come and gone too often."""
+    unreachable: Ending = "land"
+    budget: Ending = "land"
+    """`mission.time_limit_s` or `mission.path_limit_m` used up."""
+    return_to: Literal["takeoff", "open"] = "takeoff"
+    """How far back: to where the flight began, or to the last place with room around it."""
+    return_timeout_s: Positive = 180.0
+    """A return that takes longer lands where it is."""
+
+    @model_validator(mode="after")
+    def _steps_are_ordered(self) -> "FailsafeConfig":
+        if not self.battery_land <= self.battery_return <= self.battery_warn:
+            raise ValueError(
+                "battery_land, battery_return and battery_warn must not fall: the first lands, the "
+                "second returns, and below the third nothing takes off"
+            )
+        if self.fence_land_m < self.fence_return_m:
+            raise ValueError("fence_land_m must not be below fence_return_m")
+        return self
 
 
 class ControlConfig(Section):
@@ -247,6 +290,9 @@ class ServiceConfig(Section):
     """How often the page is told where the vehicle is."""
     reconnect_after_s: Positive = 4.0
     """On the ground, a vehicle silent for this long is given up and waited for anew."""
+    on_restart_in_flight: Literal["hold", "land", "resume"] = "hold"
+    """The service was killed in flight and finds its vehicle in PX4's Hold: leave it there, land
+    it, or go on with the mission from its log."""
 
 
 class Config(Section):

@@ -154,6 +154,7 @@ class MissionState(StrEnum):
     REPLAN = "replan"
     FOLLOW = "follow"
     HOLD = "hold"
+    RETURN = "return"
     LAND = "land"
     DONE = "done"
     YIELDED = "yielded"
@@ -241,6 +242,8 @@ class Decision(msgspec.Struct, frozen=True):
     outcome: Outcome | None = None
     height_m: float | None = None
     """The height of flight above the take-off point: being flown at, or changed to."""
+    faults: tuple[str, ...] = ()
+    """What counts as wrong (`mission.failsafe.Fault`), strongest response first."""
 
 
 class Command(msgspec.Struct, frozen=True):

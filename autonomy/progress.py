@@ -34,6 +34,7 @@ _STATE_STYLES: dict[MissionState, str] = {
     MissionState.DETECT: "cyan",
     MissionState.REPLAN: "magenta",
     MissionState.HOLD: "yellow",
+    MissionState.RETURN: "yellow",
     MissionState.LAND: "blue",
 }
 

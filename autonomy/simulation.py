@@ -188,7 +188,8 @@ class _Book:
         decision = command.decision
         self._last_s = decision.now_s
         self._planning.note(decision, step_s)
-        if decision.plan is not None and decision.fused is not None:
+        returning = decision.state is MissionState.RETURN
+        if decision.plan is not None and decision.fused is not None and not returning:
             self._bound.planned(decision.distance_to_go_m, decision.plan)
             self._sides.planned(decision.fused.point, decision.plan)
         if decision.height_m not in (None, self._height_m):

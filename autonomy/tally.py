@@ -11,7 +11,7 @@ from autonomy.config import Config
 from autonomy.geometry import Point, distance, polyline_length
 from autonomy.mission.flown import FlownLegs
 from autonomy.mission.machine import OFFBOARD_STATES, PATH_STATES
-from autonomy.model import Command, Decision, Event, Inputs, Outcome, Plan
+from autonomy.model import Command, Decision, Event, Inputs, MissionState, Outcome, Plan
 from autonomy.planning_time import PlanningTime
 from autonomy.report import EXIT_CODES, FlightReport
 from autonomy.t3drm.bound import BoundTally
@@ -81,8 +81,9 @@ class Tally:
         plan = decision.plan
         if plan is None or decision.fused is None:
             return
-        self.bound.planned(decision.distance_to_go_m, plan)
-        self.sides.planned(decision.fused.point, plan)
+        if decision.state is not MissionState.RETURN:  # the bound is that of the way to the goal
+            self.bound.planned(decision.distance_to_go_m, plan)
+            self.sides.planned(decision.fused.point, plan)
         if not isinstance(plan, Plan):
             return
         self.legs.planned(plan)

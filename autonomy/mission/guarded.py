@@ -29,12 +29,14 @@ class GuardedPilot:
         decision = self.pilot.step(msgspec.structs.replace(inputs, guard=self._last_report))
         if decision.setpoint is None or decision.fused is None:
             self._last_report = GuardReport()
+            self.pilot.sent(None)
             return Command(decision, None, None, self._last_report)
         verdict = self._guard.check(decision.setpoint, self._sight(decision.fused, inputs.now_s))
         self._last_report = GuardReport(
             verdict.limits, verdict.speed_limit_m_s, verdict.free_distance_m
         )
         setpoint = verdict.setpoint
+        self.pilot.sent(setpoint)
         home = self.pilot.sensing.home_ned_m
         wire = msgspec.structs.replace(setpoint, position_ned_m=add(setpoint.position_ned_m, home))
         return Command(decision, setpoint, wire, self._last_report)

@@ -322,8 +322,12 @@ class Heights:
 
     def note_place(self, point: Point) -> None:
         """On the way: remember where there was room to change height."""
-        if self._has_room(point, OPEN_M, OPEN_IN_FENCE_M):
+        if self.is_open(point):
             self._open_at = point
+
+    def is_open(self, point: Point) -> bool:
+        """True where there is room around, as far as is known."""
+        return self._has_room(point, OPEN_M, OPEN_IN_FENCE_M)
 
     def retreat(self, tick: Tick, here: Plan | NoPlan) -> Plan | None:
         """The way back to room for a change of height, where one is wanted and there is none."""

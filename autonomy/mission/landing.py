@@ -1,7 +1,6 @@
 """LAND: down to the ground, or into PX4's Hold at the goal where the mission says so."""
 
 from autonomy.config import Config
-from autonomy.mission.responding import Responding
 from autonomy.mission.sequence import Move, Sequence
 from autonomy.mission.tick import Tick
 from autonomy.model import Ending, MissionState, Outcome
@@ -13,10 +12,9 @@ _HANDOVER_TIMEOUT_S = 5.0
 class Landing:
     """Remembers whether staying up has been given up."""
 
-    def __init__(self, config: Config, sequence: Sequence, responding: Responding) -> None:
+    def __init__(self, config: Config, sequence: Sequence) -> None:
         self._config = config
         self._sequence = sequence
-        self._responding = responding
         self._must_land = False
 
     def land(self, tick: Tick, outcome: Outcome | None) -> Move | None:
@@ -33,7 +31,7 @@ class Landing:
         reached = outcome is not None and outcome.ending is Ending.GOAL_REACHED
         if self._config.mission.land_at_end or not reached or self._must_land:
             return False
-        if tick.inputs.commands or self._responding.faults(tick):
+        if tick.inputs.commands or tick.faults:
             self._must_land = True
         elif tick.elapsed_s > _HANDOVER_TIMEOUT_S:
             self._must_land = True

@@ -26,6 +26,7 @@ from autonomy.config import Config
 from autonomy.geometry import Point, distance
 from autonomy.mission.commitment import Commitment
 from autonomy.mission.course import Course
+from autonomy.mission.failsafe import Fault, Response, response_to
 from autonomy.mission.heights import Heights
 from autonomy.mission.ladder import Ladder, Rung
 from autonomy.mission.sensing import Sensing
@@ -51,6 +52,8 @@ _SWEEP_RAD = math.radians(100.0)
 """A quarter turn of four beams, and a little more so that the ends overlap."""
 _DISC_UNDER_VEHICLE_M = 0.14
 _BACK_WITHIN_M = 0.1
+_CLOSED_FOR_S, _CLOSED_GAP_S = 0.5, 0.2
+"""Over or under the goal: so long must the way to its height be closed, with no longer gaps."""
 _GOAL_MAY_MOVE = 0.6
 """By this much of the tolerance the planner may move a goal that a noisy hit has come too near."""
 
@@ -79,6 +82,8 @@ class Navigation:
         self._ladder = Ladder(config.mission.replan.attempts)
         self._look_for_s = 0.0
         self._retreat_to: Point | None = None
+        self._closed_since_s: float | None = None
+        self._closed_at_s = -math.inf
         self.stops = 0
         self.replans = 0
 
@@ -166,6 +171,7 @@ class Navigation:
             self._retreat_to = back.points[-1]
             tick.say("height", f"{here.reason}; back to where there is room to change height")
             return self._take(tick, back)
+        tick.plan = here
         if not self._heights.searching:
             if self._heights.stop_guessing():
                 return None
@@ -189,6 +195,7 @@ class Navigation:
         if isinstance(found, Way):
             if found.height_m == self._heights.present_m:
                 return self._take(tick, found.plan)
+            tick.plan = found.plan
             return Move(MissionState.DETECT, self._go_to_height(tick, found))
         tick.plan = found
         return self._no_way(tick, found.reason, found.evidence)
@@ -199,13 +206,29 @@ class Navigation:
         if not heights.at_goals_height and self._is_over_or_under_goal(tick.fused):
             goal_m = heights.goal_m
             if not heights.may_change(tick, goal_m):
+                if not self._is_closed_for_long(tick):
+                    return None
                 return self._no_way(tick, f"the way to the goal's height, {goal_m:.2f} m", ())
             heights.change_to(goal_m)
+            self._closed_since_s = None
             return Move(MissionState.STOP, f"over or under the goal; on to {goal_m:.2f} m")
         found = heights.ask_on() if heights.searching else None
         if found is None or isinstance(found, NoPlan) or found.height_m == heights.present_m:
             return None
+        tick.plan = found.plan
         return Move(MissionState.STOP, self._go_to_height(tick, found))
+
+    def _is_closed_for_long(self, tick: Tick) -> bool:
+        """True when no change to the goal's height was possible for some readings on end: one
+        stale or stray reading of the beam up or down is no verdict.
+        """
+        if self._closed_since_s is None or tick.now_s - self._closed_at_s > _CLOSED_GAP_S:
+            self._closed_since_s = tick.now_s
+        self._closed_at_s = tick.now_s
+        if tick.now_s - self._closed_since_s < _CLOSED_FOR_S:
+            return False
+        self._closed_since_s = None
+        return True
 
     def _go_to_height(self, tick: Tick, way: Way) -> str:
         """Order the change of height on a way, and say so."""
@@ -241,7 +264,9 @@ class Navigation:
         rung = self._ladder.climb()
         if rung is Rung.VERDICT:
             why = f"{rung}: {reason}"
-            return Move(MissionState.LAND, why, Outcome(Ending.UNREACHABLE, why, evidence))
+            back = response_to(self._config, Fault.UNREACHABLE) is Response.RETURN
+            state = MissionState.RETURN if back else MissionState.LAND
+            return Move(state, why, Outcome(Ending.UNREACHABLE, why, evidence))
         doing = str(rung)
         if rung is Rung.FORGET_NEARBY:
             radius_m, spacing_m = replan.forget_radius_m, self._config.planner.storeys.spacing_m

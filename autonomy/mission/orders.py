@@ -1,7 +1,7 @@
 """What a person orders in flight, and the HOLD that waits for the end of an order or a fault."""
 
+from autonomy.mission.failsafe import Response
 from autonomy.mission.machine import NAVIGATING_STATES
-from autonomy.mission.responding import Responding
 from autonomy.mission.sequence import Move
 from autonomy.mission.tick import Tick
 from autonomy.model import Ending, MissionState, OperatorCommand, Outcome
@@ -19,8 +19,7 @@ class Orders:
     HOLD holds until RESUME; said before the vehicle navigates, it holds as soon as it does.
     """
 
-    def __init__(self, responding: Responding) -> None:
-        self._responding = responding
+    def __init__(self) -> None:
         self._landing: Outcome | None = None
         """The verdict of a STOP that holds now and lands soon."""
         self._held = False
@@ -60,8 +59,10 @@ class Orders:
             if tick.elapsed_s >= _HOLD_BEFORE_LANDING_S:
                 return Move(MissionState.LAND, "held as ordered; landing", self._landing)
             return None
-        if self._held or self._responding.faults(tick):
+        if self._held or any(fault.response is Response.HOLD for fault in tick.faults):
             return None
+        if tick.returning:
+            return Move(MissionState.RETURN, "nothing forbids it any more; on with the return")
         flying = held_from in (MissionState.CRUISE, MissionState.FOLLOW)
         if flying and tick.elapsed_s < _BRIEF_HOLD_S:
             return Move(held_from, "a moment's fault is over; what was seen is still true")

@@ -2,28 +2,32 @@
 
 Sense; obey the operator; respond to faults; then let the present state decide. The states are in
 rooms of their own: `sequence.py` (from the ground and back), `navigation.py` (Algorithm 2),
-`orders.py` (hold), `landing.py`. There is no clock, no randomness, no input or output here:
-everything comes in `Inputs`.
+`orders.py` (hold), `returning.py`, `landing.py`. There is no clock, no randomness, no input or
+output here: everything comes in `Inputs`.
 """
-
-from collections.abc import Callable
 
 from autonomy.config import Config
 from autonomy.geometry import distance
+from autonomy.mission.drift import Drift
 from autonomy.mission.heights import Heights
 from autonomy.mission.landing import Landing
-from autonomy.mission.machine import OFFBOARD_STATES, TRANSITIONS
+from autonomy.mission.machine import NAVIGATING_STATES, OFFBOARD_STATES, TRANSITIONS
 from autonomy.mission.navigation import Navigation
 from autonomy.mission.orders import Orders
 from autonomy.mission.responding import Responding
+from autonomy.mission.returning import Returning
 from autonomy.mission.sensing import Sensing
 from autonomy.mission.sequence import Move, Sequence
 from autonomy.mission.steering import CLEARANCE_LIMIT_M, Steering
 from autonomy.mission.tick import Tick
+from autonomy.mission.trail import Crumb, Trail
 from autonomy.model import Decision, FusedState, Inputs, MissionState, Outcome
 from autonomy.t3drm.planner import Planner
 from hal.frames import Vector3
 from hal.interfaces import SeenSpace
+from hal.setpoints import Setpoint
+
+_OUTBOUND = NAVIGATING_STATES - {MissionState.HOLD, MissionState.RETURN}
 
 
 class Pilot:
@@ -39,35 +43,22 @@ class Pilot:
         self._navigation = Navigation(
             config, route, self._sensing, planner, self._heights, self._steering
         )
+        self._trail = Trail()
+        self._returning = Returning(
+            config, self._sensing, planner, self._heights, self._steering, self._trail
+        )
+        self._drift = Drift(config)
         self._sequence = Sequence(config)
-        self._responding = Responding(config, self._sensing, self._sequence)
-        self._orders = Orders(self._responding)
-        self._landing = Landing(config, self._sequence, self._responding)
+        self._responding = Responding(
+            config, self._sensing, self._sequence, self._trail, self._drift
+        )
+        self._orders = Orders()
+        self._landing = Landing(config, self._sequence)
         self._state = MissionState.PREFLIGHT
         self._held_from = MissionState.PREFLIGHT
         self._entered_s: float | None = None
         self._last_s: float | None = None
         self._outcome: Outcome | None = None
-        self._states = self._rooms()
-
-    def _rooms(self) -> dict[MissionState, Callable[[Tick], Move | None]]:
-        """Who decides in which state."""
-        sequence, navigation = self._sequence, self._navigation
-        return {
-            MissionState.PREFLIGHT: self._preflight,
-            MissionState.ARM: lambda tick: sequence.arm(tick, tick.elapsed_s),
-            MissionState.TAKEOFF: lambda tick: sequence.takeoff(tick, tick.elapsed_s),
-            MissionState.OFFBOARD: lambda tick: sequence.offboard(tick, tick.elapsed_s),
-            MissionState.CRUISE: navigation.follow,
-            MissionState.FOLLOW: navigation.follow,
-            MissionState.STOP: navigation.stop,
-            MissionState.DETECT: navigation.detect,
-            MissionState.REPLAN: navigation.replan,
-            MissionState.HOLD: lambda tick: self._orders.hold(tick, self._held_from),
-            MissionState.LAND: lambda tick: self._landing.land(tick, self._outcome),
-            MissionState.YIELDED: lambda _: Move(MissionState.DONE, "no longer ours to command"),
-            MissionState.DONE: lambda _: None,
-        }
 
     @property
     def space(self) -> SeenSpace:
@@ -96,8 +87,9 @@ class Pilot:
             self._go(tick, self._orders.obey(tick, command))
         self._go(tick, self._orders.stay(tick))
         self._go(tick, self._responding.respond(tick))
-        self._go(tick, self._states[tick.state](tick))
+        self._go(tick, self._decide(tick))
         self._steering.stream_something(tick)
+        self._leave_crumb(tick)
         self._state, self._entered_s = tick.state, tick.entered_s
         return self._decision(tick)
 
@@ -107,7 +99,56 @@ class Pilot:
         dt_s = inputs.now_s - self._last_s if self._last_s is not None else nominal_s
         self._last_s = inputs.now_s
         entered_s = inputs.now_s if self._entered_s is None else self._entered_s
-        return Tick(inputs, fused, dt_s, self._state, entered_s)
+        tick = Tick(inputs, fused, dt_s, self._state, entered_s)
+        tick.returning = self._returning.begun
+        return tick
+
+    def sent(self, setpoint: Setpoint | None) -> None:
+        """What the guard let pass of the last decision's setpoint, in the mission frame."""
+        self._drift.sent(setpoint)
+
+    def _leave_crumb(self, tick: Tick) -> None:
+        """On the way out, at a height of flight: where a return will fly back past."""
+        fused, height_m = tick.fused, self._heights.present_m
+        outbound = tick.state in _OUTBOUND and not self._heights.changing
+        if outbound and fused.ok and self._trail.is_due(fused.point, height_m):
+            self._trail.lay(Crumb(fused.point, height_m, self._heights.is_open(fused.point)))
+
+    def _decide(self, tick: Tick) -> Move | None:
+        """The present state's word on where to go next."""
+        match tick.state:
+            case MissionState.CRUISE | MissionState.FOLLOW:
+                return self._navigation.follow(tick)
+            case MissionState.STOP:
+                return self._navigation.stop(tick)
+            case MissionState.DETECT:
+                return self._navigation.detect(tick)
+            case MissionState.REPLAN:
+                return self._navigation.replan(tick)
+            case MissionState.HOLD:
+                return self._orders.hold(tick, self._held_from)
+            case MissionState.RETURN:
+                return self._returning.fly(tick)
+            case _:
+                return self._decide_around(tick)
+
+    def _decide_around(self, tick: Tick) -> Move | None:
+        """The states before and after the flight proper."""
+        match tick.state:
+            case MissionState.PREFLIGHT:
+                return self._preflight(tick)
+            case MissionState.ARM:
+                return self._sequence.arm(tick, tick.elapsed_s)
+            case MissionState.TAKEOFF:
+                return self._sequence.takeoff(tick, tick.elapsed_s)
+            case MissionState.OFFBOARD:
+                return self._sequence.offboard(tick, tick.elapsed_s)
+            case MissionState.LAND:
+                return self._landing.land(tick, self._outcome)
+            case MissionState.YIELDED:
+                return Move(MissionState.DONE, "no longer ours to command")
+            case _:
+                return None
 
     def _preflight(self, tick: Tick) -> Move | None:
         """PREFLIGHT: wait until nothing forbids arming."""
@@ -146,6 +187,9 @@ class Pilot:
             case MissionState.STOP | MissionState.DETECT | MissionState.HOLD:
                 self._steering.scan.restart()
                 self._heights.pause(height_m)
+            case MissionState.RETURN:
+                self._heights.pause(height_m)
+                self._returning.again(tick)
             case MissionState.LAND:
                 self._heights.pause(height_m)
             case _:
@@ -175,4 +219,5 @@ class Pilot:
             replans=self._navigation.replans,
             outcome=self._outcome if tick.state is MissionState.DONE else None,
             height_m=self._heights.flown_at_m if navigating else None,
+            faults=tuple(fault.fault.value for fault in tick.faults),
         )

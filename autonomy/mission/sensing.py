@@ -14,7 +14,7 @@ from autonomy.model import FusedState, Inputs
 from autonomy.perception.obstacle_map import ObstacleMap
 from autonomy.perception.projection import Projector
 from autonomy.perception.storey_maps import StoreyMaps
-from hal.frames import ZERO3, Vector3, add, subtract
+from hal.frames import ZERO3, Vector3, add, norm, subtract
 from hal.readings import RangeReading, RangeStatus
 
 _UPWARDS_DEG = 60.0
@@ -39,6 +39,8 @@ class Sensing:
         self._between_heights = True
         self.home_ned_m: Vector3 = ZERO3
         """The mission frame's origin in the autopilot's local frame."""
+        self.jump_m = 0.0
+        """How far that frame jumped at the last step."""
         self._home_fixed = False
         self._measured_s: dict[str, float] = {}
         self._measured: dict[str, RangeReading] = {}
@@ -68,10 +70,12 @@ class Sensing:
         local = self._fusion.step(
             inputs.now_s, inputs.local_position, inputs.attitude, inputs.gnss, inputs.ranges
         )
+        shift = local.frame_shift_ned_m
+        self.jump_m = norm(shift) if self._home_fixed and shift != ZERO3 else 0.0
         if not self._home_fixed:
             self.home_ned_m = local.position_ned_m
-        elif local.frame_shift_ned_m != ZERO3:
-            self.home_ned_m = add(self.home_ned_m, local.frame_shift_ned_m)
+        elif shift != ZERO3:
+            self.home_ned_m = add(self.home_ned_m, shift)
         fused = msgspec.structs.replace(
             local,
             position_ned_m=subtract(local.position_ned_m, self.home_ned_m),

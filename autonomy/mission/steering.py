@@ -55,6 +55,8 @@ class Steering:
             guidance,
             self._config.beams.max_m,
         )
+        if tick.slow:
+            tick.speed_limit_m_s = min(tick.speed_limit_m_s, guidance.speed_min_m_s)
         speed_m_s = arrival_speed(path.remaining_m, tick.speed_limit_m_s)
         wanted = self._loops.track(
             (direction[0] * speed_m_s, direction[1] * speed_m_s), velocity, tick.dt_s

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from autonomy.mission.failsafe import Found, Response
 from autonomy.model import Event, FusedState, Inputs, MissionState, NoPlan, Plan
 from hal.setpoints import Request, RequestKind, Setpoint
 
@@ -20,6 +21,10 @@ class Tick:
     setpoint: Setpoint | None = None
     plan: Plan | NoPlan | None = None
     speed_limit_m_s: float = 0.0
+    faults: tuple[Found, ...] = ()
+    """What counts as wrong at this tick, strongest response first."""
+    returning: bool = False
+    """The mission is over, and the vehicle on its way back (it may hold meanwhile)."""
     requests: list[Request] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
 
@@ -32,6 +37,11 @@ class Tick:
     def elapsed_s(self) -> float:
         """Time in the present state."""
         return self.now_s - self.entered_s
+
+    @property
+    def slow(self) -> bool:
+        """True where a fault asks for the least speed."""
+        return any(fault.response is Response.SLOW for fault in self.faults)
 
     def say(self, name: str, why: str) -> None:
         """Tell people one sentence."""

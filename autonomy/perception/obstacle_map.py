@@ -57,7 +57,7 @@ class ObstacleMap:
         self._beams = _no_rays(8)
         self._cones = np.full((kernels.CONES, kernels.CONE_COLUMNS), -np.inf)
         self._open_bits = np.zeros(kernels.CONES, dtype=np.int64)
-        self._rays, self._ray_bytes = _ray_table(16)
+        self._rays = _ray_table(16)
         self._params = _parameters(config, body_radius_m)
         self._now_s: float | None = None
         self._waiting_discs: list[tuple[Point, float]] = []
@@ -79,11 +79,11 @@ class ObstacleMap:
         if not rays:
             return
         self._make_room(rays)
-        offset = 0
+        memory, offset = self._rays.data, 0
         for ray in rays:
             origin, centre, bearing = ray.origin_ned_m, ray.centre, ray.bearing_rad
             _ROW.pack_into(
-                self._ray_bytes,
+                memory,
                 offset,
                 ray.stamp_s,
                 ray.beam,
@@ -392,7 +392,7 @@ class ObstacleMap:
     def _make_room(self, rays: Sequence[Ray]) -> None:
         """Grow what the kernel must not: rays, beams, and the list (two new points a ray)."""
         if len(rays) > len(self._rays):
-            self._rays, self._ray_bytes = _ray_table(2 * len(rays))
+            self._rays = _ray_table(2 * len(rays))
         beams = 1 + max(ray.beam for ray in rays)
         if beams > len(self._beams):
             self._beams = np.concatenate((self._beams, _no_rays(beams - len(self._beams))))
@@ -467,13 +467,11 @@ def _parameters(config: MapConfig, body_radius_m: float) -> FloatArray:
     return params
 
 
-def _ray_table(rows: int) -> tuple[FloatArray, bytearray]:
-    """The kernel's table of rays, and the same memory as bytes.
-
-    Packing into bytes is several times as fast as assigning to elements of an array.
+def _ray_table(rows: int) -> FloatArray:
+    """The kernel's table of rays; packing rows into its memory is several times as fast as
+    assigning to its elements.
     """
-    memory = bytearray(rows * _ROW.size)
-    return np.frombuffer(memory).reshape(rows, kernels.RAY_COLUMNS), memory
+    return np.zeros((rows, kernels.RAY_COLUMNS))
 
 
 def _no_rays(beams: int) -> FloatArray:

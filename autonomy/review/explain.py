@@ -21,6 +21,7 @@ DOING: dict[MissionState, str] = {
     MissionState.REPLAN: "planning",
     MissionState.FOLLOW: "following the path that was planned",
     MissionState.HOLD: "holding",
+    MissionState.RETURN: "flying back along the way that was flown",
     MissionState.LAND: "landing, flown by PX4",
     MissionState.DONE: "done",
     MissionState.YIELDED: "not flying: somebody else took the vehicle",

@@ -20,6 +20,7 @@ STATE_COLOURS: dict[MissionState, str] = {
     MissionState.STOP: "#f8d9c8",
     MissionState.DETECT: "#fbeac4",
     MissionState.HOLD: "#f3d5e3",
+    MissionState.RETURN: "#e5d3ee",
 }
 
 

@@ -6,7 +6,6 @@ the same calls give the same readings.
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
 from typing import Generic, Protocol, TypeVar
 
 import msgspec
@@ -45,32 +44,29 @@ class BeamSampler(Protocol):
 
 
 class _Rows:
-    """Rows of random numbers, drawn a block at a time. Unlike a generator it can be copied."""
+    """Rows of random numbers, drawn a block at a time; copied with its place in the stream."""
 
-    def __init__(
-        self, draw: Callable[[tuple[int, int]], npt.NDArray[np.float64]], width: int
-    ) -> None:
-        self._draw = draw
-        self._width = width
-        self._rows: Iterator[list[float]] = iter(())
-
-    def __iter__(self) -> Iterator[list[float]]:
-        return self
+    def __init__(self, rng: np.random.Generator, width: int, *, normal: bool) -> None:
+        self._rng, self._width, self._normal = rng, width, normal
+        self._block: list[list[float]] = []
+        self._at = 0
 
     def __next__(self) -> list[float]:
-        row = next(self._rows, None)
-        if row is None:
-            self._rows = iter(self._draw((_BLOCK, self._width)).tolist())
-            row = next(self._rows)
-        return row
+        if self._at == len(self._block):
+            shape = (_BLOCK, self._width)
+            rng = self._rng
+            drawn = rng.standard_normal(shape) if self._normal else rng.random(shape)
+            self._block, self._at = drawn.tolist(), 0
+        self._at += 1
+        return self._block[self._at - 1]
 
 
 def _normal_rows(rng: np.random.Generator, width: int) -> _Rows:
-    return _Rows(rng.standard_normal, width)
+    return _Rows(rng, width, normal=True)
 
 
 def _uniform_rows(rng: np.random.Generator, width: int) -> _Rows:
-    return _Rows(rng.random, width)
+    return _Rows(rng, width, normal=False)
 
 
 class _Rate:

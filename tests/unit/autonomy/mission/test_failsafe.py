@@ -4,8 +4,19 @@ import msgspec
 import pytest
 
 from autonomy.config import Config
-from autonomy.mission.failsafe import RESPONSES, Fault, Found, Response, detect
+from autonomy.mission.failsafe import (
+    RULES,
+    UNCERTAIN,
+    Fault,
+    Found,
+    Response,
+    Situation,
+    detect,
+    response_to,
+)
 from autonomy.model import Ending, FusedState
+from hal.config import validate_document
+from hal.errors import DocumentError
 from hal.frames import ZERO3
 from hal.readings import FlightMode, LandedState, VehicleStatus
 
@@ -22,12 +33,15 @@ def faults(
     lost_s: float = 0.0,
     silent: dict[str, float] | None = None,
     mission_s: float = 10.0,
+    config: Config = CONFIG,
+    **rest: float | bool,
 ) -> list[Fault]:
-    return [f.fault for f in detect(CONFIG, status, fused, lost_s, silent or {}, mission_s)]
+    known = Situation(status, fused, lost_s, silent or {}, mission_s)
+    return [f.fault for f in detect(config, msgspec.structs.replace(known, **rest))]
 
 
 def test_every_fault_has_a_response() -> None:
-    assert set(RESPONSES) == set(Fault)
+    assert set(RULES) == set(Fault)
 
 
 def test_a_healthy_flight_has_no_faults() -> None:
@@ -45,11 +59,14 @@ def test_the_link_is_lost_past_its_limit(just_good: float, just_bad: float, faul
     assert faults(status=msgspec.structs.replace(STATUS, link_age_s=just_bad)) == [fault]
 
 
-def test_the_battery_lands_at_its_limit() -> None:
-    above = msgspec.structs.replace(STATUS, battery_remaining=LIMITS.battery_land + 0.01)
-    at = msgspec.structs.replace(STATUS, battery_remaining=LIMITS.battery_land)
-    assert faults(status=above) == []
-    assert faults(status=at) == [Fault.BATTERY_LOW]
+def test_the_battery_returns_at_its_first_limit_and_lands_at_its_second() -> None:
+    def at(left: float) -> list[Fault]:
+        return faults(status=msgspec.structs.replace(STATUS, battery_remaining=left))
+
+    assert at(LIMITS.battery_return + 0.01) == []
+    assert at(LIMITS.battery_return) == [Fault.BATTERY_LOW]
+    assert at(LIMITS.battery_land + 0.01) == [Fault.BATTERY_LOW]
+    assert at(LIMITS.battery_land) == [Fault.BATTERY_CRITICAL]
 
 
 def test_a_lost_state_holds_first_and_lands_later() -> None:
@@ -70,9 +87,87 @@ def test_the_time_limit_ends_the_mission() -> None:
     assert faults(mission_s=limit_s + 0.01) == [Fault.TIME_OVER]
 
 
+def test_the_way_has_a_limit_where_one_is_set() -> None:
+    short = Config.model_validate({"mission": {"path_limit_m": 12.0}})
+    assert faults(path_m=1e6) == []
+    assert faults(config=short, path_m=12.0) == []
+    assert faults(config=short, path_m=12.1) == [Fault.PATH_OVER]
+
+
+def test_uncertainty_slows_before_it_holds() -> None:
+    limit_m = CONFIG.estimation.sigma_max_m
+
+    def at(sigma_m: float) -> list[Fault]:
+        return faults(
+            fused=msgspec.structs.replace(
+                FUSED, position_sigma_m=sigma_m, ok=sigma_m <= limit_m, why_not_ok="uncertain"
+            )
+        )
+
+    assert at(UNCERTAIN * limit_m) == []
+    assert at(UNCERTAIN * limit_m + 0.01) == [Fault.POSITION_UNCERTAIN]
+    assert at(limit_m + 0.01) == [Fault.ESTIMATOR_DIVERGED]
+
+
+def test_a_jump_of_the_frame_stops_from_its_limit_on() -> None:
+    assert faults(jump_m=LIMITS.jump_stop_m - 0.01) == []
+    assert faults(jump_m=LIMITS.jump_stop_m) == [Fault.POSITION_JUMPED]
+
+
+def test_outside_the_fence_is_to_return_and_far_outside_to_land() -> None:
+    assert faults(outside_m=LIMITS.fence_return_m) == []
+    assert faults(outside_m=LIMITS.fence_return_m + 0.01) == [Fault.FENCE_LEFT]
+    assert faults(outside_m=LIMITS.fence_land_m + 0.01) == [Fault.FENCE_LEFT_FAR]
+    assert faults(fused=LOST, outside_m=9.0) == [Fault.STATE_LOST]
+
+
+def test_a_drift_holds_first_and_lands_when_it_lasts_or_leads_to_something() -> None:
+    def over(seconds: float) -> list[Fault]:
+        return faults(drift_m=0.26, drift_limit_m=0.25, drift_s=seconds)
+
+    assert faults(drift_m=0.25, drift_limit_m=0.25) == []
+    assert over(LIMITS.drift_land_s) == [Fault.DRIFT]
+    assert over(LIMITS.drift_land_s + 0.01) == [Fault.DRIFT_LONG]
+    assert faults(drift_m=0.16, drift_limit_m=0.25, drift_near=True) == [Fault.DRIFT_LONG]
+
+
 def test_the_strongest_response_comes_first() -> None:
-    found = detect(CONFIG, STATUS, LOST, 0.5, {"front": 1.0}, 1e6)
+    found = detect(CONFIG, Situation(STATUS, LOST, 0.5, {"front": 1.0}, 1e6))
     assert [f.response for f in found] == sorted((f.response for f in found), reverse=True)
-    assert found[0] == Found(Fault.TIME_OVER, found[0].why)
+    assert found[0] == Found(Fault.TIME_OVER, found[0].why, Response.LAND)
     assert found[0].ending is Ending.BUDGET
-    assert found[0].response is Response.LAND
+
+
+@pytest.mark.parametrize(
+    ("fault", "key"), [(fault, rule.key) for fault, rule in RULES.items() if rule.key]
+)
+def test_what_is_chosen_by_a_key_has_that_key(fault: Fault, key: str) -> None:
+    section, name = key.split(".")
+    assert name in type(getattr(CONFIG, section)).model_fields
+    if section != "failsafe":
+        return
+    for word, response in (("land", Response.LAND), ("return", Response.RETURN)):
+        config = Config.model_validate({section: {name: word}})
+        flapping = RULES[fault].flapping is not None
+        assert response_to(config, fault, flapping=flapping) is response
+        assert not flapping or response_to(config, fault) is RULES[fault].response
+
+
+def test_each_step_of_the_escalation_is_stronger_than_what_flaps() -> None:
+    for rule in RULES.values():
+        assert rule.flapping is None or rule.flapping > rule.response
+        assert rule.words
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"battery_land": 0.3},
+        {"battery_return": 0.5},
+        {"fence_return_m": 2.0},
+        {"sensor_loss": "hover"},
+    ],
+)
+def test_limits_that_make_no_sense_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(DocumentError):
+        validate_document({"failsafe": wrong}, Config, "test")
