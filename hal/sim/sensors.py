@@ -10,7 +10,6 @@ from typing import Generic, Protocol, TypeVar
 
 import msgspec
 import numpy as np
-import numpy.typing as npt
 
 from hal.config import BeamMount, BeamsConfig
 from hal.frames import Vector3, geodetic_from_ned
