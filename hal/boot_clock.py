@@ -77,3 +77,22 @@ class BootClock:
                 return passed_s >= self.INSISTS_S
         self._claim = (received_s, boot_s)
         return False
+
+
+class SendingOrder:
+    """One sender's clock, and the newest that it sent."""
+
+    def __init__(self) -> None:
+        self._clock = BootClock()
+        self._restarts = 0
+        self._newest_s = -math.inf
+
+    def keeps(self, received_s: float, sent_s: float) -> bool:
+        """False for what was sent before the newest, or at a time that is not believed."""
+        if self._clock.note(received_s, sent_s) is None:
+            return False
+        if self._clock.restarts != self._restarts:
+            self._restarts, self._newest_s = self._clock.restarts, -math.inf
+        in_order = sent_s >= self._newest_s
+        self._newest_s = max(self._newest_s, sent_s)
+        return in_order

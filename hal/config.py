@@ -3,6 +3,7 @@
 Angles are degrees in YAML (`_deg`) and radians in code; everything else is SI.
 """
 
+import reprlib
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -530,26 +531,65 @@ GnssConfig = Annotated[AutopilotGnssConfig | SerialGnssConfig, Field(discriminat
 Model = TypeVar("Model", bound=BaseModel)
 
 
+MOST_BYTES = 1_000_000
+"""Of a document: more is none that a person wrote."""
+_MOST_NODES = 100_000
+"""Of a document with its aliases written out; a bomb has thousands of millions."""
+
+
 def load_document(path: Path, model: type[Model]) -> Model:
     """The YAML file at `path` as a validated `model`.
 
-    Raises DocumentError: one sentence with file, line, key and what to do.
+    Raises DocumentError: one sentence with file, line, key and what to do. So it does for what is
+    larger than `MOST_BYTES`, nested too deep, or repeats itself too often.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            raw = file.read(MOST_BYTES + 1)
+        text = raw.decode("utf-8")
     except FileNotFoundError:
         raise DocumentError(f"{path}: there is no such file; check the path") from None
     except (OSError, UnicodeDecodeError) as error:
         raise DocumentError(f"{path}: cannot be read ({error})") from None
+    if len(raw) > MOST_BYTES:
+        raise DocumentError(f"{path}: is larger than {MOST_BYTES:,} bytes; is it the right file?")
+    tree, data = _composed(text, str(path))
+    return validate_document(data if data is not None else {}, model, str(path), tree)
+
+
+def _composed(text: str, name: str) -> tuple[yaml.Node | None, Any]:
+    """The nodes of a document, and what they mean; raises DocumentError."""
     try:
-        data = yaml.safe_load(text)
         tree = yaml.compose(text, Loader=yaml.SafeLoader)
+        if tree is not None and _repeats_itself(tree):
+            raise DocumentError(f"{name}: repeats itself too often (aliases); write it out")
+        data = yaml.SafeLoader("").construct_document(tree) if tree is not None else None
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f"{mark.line + 1}" if mark is not None else "?"
         problem = getattr(error, "problem", None) or "it is not YAML"
-        raise DocumentError(f"{path}:{line}: not valid YAML: {problem}") from None
-    return validate_document(data if data is not None else {}, model, str(path), tree)
+        raise DocumentError(f"{name}:{line}: not valid YAML: {_clipped(problem)}") from None
+    except RecursionError:
+        raise DocumentError(f"{name}: is nested too deep; is it the right file?") from None
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+        # PyYAML's constructors pass on what Python says of a date or a number.
+        raise DocumentError(f"{name}: not valid YAML: {_clipped(str(error))}") from None
+    return tree, data
+
+
+def _repeats_itself(tree: yaml.Node) -> bool:
+    """True when the document, its aliases written out, has too many nodes, or no end."""
+    waiting, seen = [tree], 0
+    while waiting:
+        node = waiting.pop()
+        seen += 1
+        if seen > _MOST_NODES:
+            return True
+        if isinstance(node, yaml.MappingNode):
+            waiting += [each for pair in node.value for each in pair]
+        elif isinstance(node, yaml.SequenceNode):
+            waiting += node.value
+    return False
 
 
 def validate_document(
@@ -566,7 +606,7 @@ def validate_document(
         line = _line_of(tree, location)
         words = [f"{name}:{line}" if line is not None else name]
         if location:
-            words.append(".".join(str(part) for part in location))
+            words.append(_clipped(".".join(str(part) for part in location)))
         more = len(errors) - 1
         tail = f" (and {more} more)" if more else ""
         words.append(f"{_advice(first['type'], first['msg'], first['input'])}{tail}")
@@ -579,8 +619,12 @@ def _advice(kind: str, message: str, given: Any) -> str:
     if kind == "missing":
         return "is missing; add it"
     text = message.removeprefix("Value error, ")
-    said = text[:1].lower() + text[1:]
-    return f"{said}, not {given!r}" if isinstance(given, str | int | float) else said
+    said = _clipped(text[:1].lower() + text[1:], 1_000)
+    return f"{said}, not {reprlib.repr(given)}" if isinstance(given, str | int | float) else said
+
+
+def _clipped(text: str, most: int = 200) -> str:
+    return text if len(text) <= most else f"{text[:most]} ..."
 
 
 def _line_of(tree: yaml.Node | None, location: tuple[int | str, ...]) -> int | None:

@@ -4,7 +4,7 @@ import asyncio
 
 import msgspec
 
-from hal.boot_clock import BootClock
+from hal.boot_clock import SendingOrder
 from hal.drops import Dropped, Drops
 from hal.errors import ConnectionFailed, ReadingRefused
 from hal.interfaces import MessageSource, WireMessage
@@ -100,7 +100,7 @@ class AutopilotGnss:
         self._listening = False
         self._open = False
         self._drops = Drops()
-        self._boot = BootClock()
+        self._order = SendingOrder()
 
     def dropped(self) -> Dropped:
         """See `hal.drops`: messages that were no measurement, or another component's."""
@@ -112,7 +112,7 @@ class AutopilotGnss:
         Raises ConnectionFailed when none comes within `deadline_s`. Cancelling closes it.
         """
         self._open = True
-        self._fix, self._boot = Latest(), BootClock()
+        self._fix, self._order = Latest(), SendingOrder()
         if not self._listening:
             self._listening = True
             self._source.listen(_MESSAGE, self._take)
@@ -151,7 +151,7 @@ class AutopilotGnss:
         except (msgspec.DecodeError, ReadingRefused):
             self._drops.note(_MESSAGE, "unreadable")
             return
-        if self._boot.note(message.received_s, sent_s) is None:
-            self._drops.note(_MESSAGE, "its time leapt")
+        if not self._order.keeps(message.received_s, sent_s):
+            self._drops.note(_MESSAGE, "late")
             return
         self._fix.put(fix)

@@ -8,18 +8,17 @@ A source is who measures: (component, message, sensor id). The rule, in this ord
 2. The nearest return counts, and any return more than "nothing there"; of two that see nothing,
    the one that sees farther. So no source can hide what another one sees.
 3. What a source sent before what it said last is late, and so is what a leap of its clock brings
-   (`BootClock`).
+   (`hal.boot_clock`).
 4. A source counts for `fresh_s` after its newest reading. One that is silent, or says that it could
    not measure, overrules nobody; "no signal" passes when no other fresh source measures.
 """
 
-import math
 from collections import deque
 from enum import StrEnum
 
 import msgspec
 
-from hal.boot_clock import BootClock
+from hal.boot_clock import SendingOrder
 from hal.readings import RangeReading, RangeStatus
 
 AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1
@@ -49,25 +48,6 @@ class Verdict(StrEnum):
     LATE = "late"
 
 
-class _Order:
-    """One source's clock, and the newest that it sent."""
-
-    def __init__(self) -> None:
-        self._clock = BootClock()
-        self._restarts = 0
-        self._newest_s = -math.inf
-
-    def keeps(self, now_s: float, sent_s: float) -> bool:
-        """False for what was sent before the newest, or at a time that is not believed."""
-        if self._clock.note(now_s, sent_s) is None:
-            return False
-        if self._clock.restarts != self._restarts:
-            self._restarts, self._newest_s = self._clock.restarts, -math.inf
-        in_order = sent_s >= self._newest_s
-        self._newest_s = max(self._newest_s, sent_s)
-        return in_order
-
-
 class RivalSources:
     """The sources of one beam; `judge` every reading of each."""
 
@@ -75,7 +55,7 @@ class RivalSources:
         self._fresh_s = fresh_s
         self._heard: dict[Source, deque[tuple[float, RangeReading]]] = {}
         """What each source said lately, with its reception; least recently heard first."""
-        self._order: dict[Source, _Order] = {}
+        self._order: dict[Source, SendingOrder] = {}
 
     def judge(
         self, source: Source, reading: RangeReading, now_s: float, sent_s: float = 0.0
@@ -83,7 +63,7 @@ class RivalSources:
         """Whether `reading`, sent at `sent_s` by the source's clock, is passed on at `now_s`."""
         if self._is_echo(source, reading, now_s):
             return Verdict.ECHO
-        if not self._order.setdefault(source, _Order()).keeps(now_s, sent_s):
+        if not self._order.setdefault(source, SendingOrder()).keeps(now_s, sent_s):
             return Verdict.LATE
         own = self._heard.pop(source, None) or deque(maxlen=_REMEMBERED)
         own.append((now_s, reading))
