@@ -11,9 +11,8 @@ The state is a handful of arrays owned by `ObstacleMap`:
     seen (rows, columns) float64 when the cell was last seen free, -inf for never
     points (capacity, 2) float64 running mean of the hits in a cell, x and y
     evidence (capacity,) int32   hits minus misses
-    born (capacity,) int64       version of the map in which the point became occupied
     cell_of (capacity,) int64    flat index of the point's slot
-    counters (4,) int64          COUNT, VERSION, APPEARED, CLEARED
+    counters (4,) int64          COUNT, APPEARED, CLEARED, NEXT_CONE
     beams (beams, 8) float64     the last ray of each beam, columns B_...
     cones (CONES, 11) float64    the latest readings of wide beams, a ring, columns C_...
     open_bits (CONES,) int64     for each of them which points of its arc may hold what it saw
@@ -37,7 +36,7 @@ NOTHING, FREE, HIT = 0, 1, 2
 
 SURFACE, EDGE, LAYERS = 0, 1, 2
 
-COUNT, VERSION, APPEARED, CLEARED, NEXT_CONE, COUNTERS = 0, 1, 2, 3, 4, 5
+COUNT, APPEARED, CLEARED, NEXT_CONE, COUNTERS = 0, 1, 2, 3, 4
 
 P_CELL = 0  # m
 P_GAIN = 1
@@ -102,7 +101,7 @@ def _inside(slot, i, j):
 
 
 @njit(cache=True)
-def _remove_point(slot, points, evidence, born, cell_of, counters, s):
+def _remove_point(slot, points, evidence, cell_of, counters, s):
     """Take point `s` out of the list; the last point moves into its place."""
     last = counters[COUNT] - 1
     slots = slot.reshape(slot.size)
@@ -111,14 +110,13 @@ def _remove_point(slot, points, evidence, born, cell_of, counters, s):
         points[s, 0] = points[last, 0]
         points[s, 1] = points[last, 1]
         evidence[s] = evidence[last]
-        born[s] = born[last]
         cell_of[s] = cell_of[last]
         slots[cell_of[s]] = s
     counters[COUNT] = last
 
 
 @njit(cache=True)
-def _add_hit(slot, points, evidence, born, cell_of, counters, params, x, y, layer):
+def _add_hit(slot, points, evidence, cell_of, counters, params, x, y, layer):
     """Evidence for an obstacle at (x, y): a new point, or a better mean of the cell's."""
     i = math.floor(x)
     j = math.floor(y)
@@ -141,12 +139,11 @@ def _add_hit(slot, points, evidence, born, cell_of, counters, params, x, y, laye
         points[s, 1] += params[P_WEIGHT] * (y - points[s, 1])
     evidence[s] = min(before + gain, int(params[P_CAP]))
     if before < params[P_OCCUPIED] <= evidence[s]:
-        born[s] = counters[VERSION]
         counters[APPEARED] += 1
 
 
 @njit(cache=True)
-def _miss(slot, points, evidence, born, cell_of, counters, params, s, loss):
+def _miss(slot, points, evidence, cell_of, counters, params, s, loss):
     """Evidence against the point `s`: a ray went through it, or a free cone holds it."""
     occupied_from = int(params[P_OCCUPIED])
     before = evidence[s]
@@ -154,11 +151,11 @@ def _miss(slot, points, evidence, born, cell_of, counters, params, s, loss):
     if before >= occupied_from > evidence[s]:
         counters[CLEARED] += 1
     if evidence[s] <= 0:
-        _remove_point(slot, points, evidence, born, cell_of, counters, s)
+        _remove_point(slot, points, evidence, cell_of, counters, s)
 
 
 @njit(cache=True)
-def _clear_along(slot, points, evidence, born, cell_of, counters, params, x, y, ux, uy, length):
+def _clear_along(slot, points, evidence, cell_of, counters, params, x, y, ux, uy, length):
     """Take evidence from every point within P_CLEAR of the ray; each cell is visited once.
 
     The cells are walked along the ray's steeper axis, with a band across it on each row.
@@ -182,7 +179,7 @@ def _clear_along(slot, points, evidence, born, cell_of, counters, params, x, y, 
                 dy = points[s, 1] - y
                 a = dx * ux + dy * uy
                 if 0.0 <= a <= length and abs(dy * ux - dx * uy) <= near:
-                    _miss(slot, points, evidence, born, cell_of, counters, params, s, 1)
+                    _miss(slot, points, evidence, cell_of, counters, params, s, 1)
 
 
 @njit(cache=True)
@@ -263,7 +260,7 @@ def _follows(beams, b, stamp):
 
 
 @njit(cache=True)
-def _join(slot, seen, points, evidence, born, cell_of, counters, beams, params, b, ray):
+def _join(slot, seen, points, evidence, cell_of, counters, beams, params, b, ray):
     """The edge rule and the seen fan between beam `b`'s last ray and `ray` (same columns)."""
     c0, s0, c1, s1 = beams[b, B_COS], beams[b, B_SIN], ray[B_COS], ray[B_SIN]
     if c0 * c1 + s0 * s1 < params[P_EDGE_COS]:
@@ -285,7 +282,7 @@ def _join(slot, seen, points, evidence, born, cell_of, counters, beams, params, 
         step = EDGE_STEP_M / params[P_CELL]
         surface = hit0 and hit1 and abs(length0 - length1) <= step
         layer = SURFACE if surface else EDGE
-        _add_hit(slot, points, evidence, born, cell_of, counters, params, x, y, layer)
+        _add_hit(slot, points, evidence, cell_of, counters, params, x, y, layer)
 
 
 @njit(cache=True)
@@ -294,7 +291,6 @@ def _see_cone(
     seen,
     points,
     evidence,
-    born,
     cell_of,
     counters,
     params,
@@ -329,7 +325,7 @@ def _see_cone(
                 py = points[s, 1] - y
                 ahead = px * ux + py * uy
                 if abs(py * ux - px * uy) <= ahead * tan and px * px + py * py <= sure * sure:
-                    _miss(slot, points, evidence, born, cell_of, counters, params, s, gain)
+                    _miss(slot, points, evidence, cell_of, counters, params, s, gain)
             cx = i + 0.5 - x
             cy = j + 0.5 - y
             if (
@@ -377,7 +373,7 @@ def _carve(bits, arc, cone):
 
 
 @njit(cache=True)
-def _settle(slot, points, evidence, born, cell_of, counters, params, cone, bits):
+def _settle(slot, points, evidence, cell_of, counters, params, cone, bits):
     """Turn what is left of an arc into hits, about one in each cell.
 
     What is left is a few stretches that no cone fitted into. When a stretch is wider than a
@@ -398,7 +394,7 @@ def _settle(slot, points, evidence, born, cell_of, counters, params, cone, bits)
             due = k == end or (k - begin) % stride == 0
             if due and (whole or k < begin + 2 or k > end - 2):
                 x, y = _arc_point(cone, k)
-                _add_hit(slot, points, evidence, born, cell_of, counters, params, x, y, SURFACE)
+                _add_hit(slot, points, evidence, cell_of, counters, params, x, y, SURFACE)
         begin = end + 1
 
 
@@ -408,7 +404,6 @@ def _take_cone(
     seen,
     points,
     evidence,
-    born,
     cell_of,
     counters,
     cones,
@@ -433,7 +428,6 @@ def _take_cone(
             seen,
             points,
             evidence,
-            born,
             cell_of,
             counters,
             params,
@@ -450,7 +444,7 @@ def _take_cone(
     counters[NEXT_CONE] = (at + 1) % CONES
     new = cones[at]
     if open_bits[at] != 0:
-        _settle(slot, points, evidence, born, cell_of, counters, params, new, open_bits[at])
+        _settle(slot, points, evidence, cell_of, counters, params, new, open_bits[at])
     new[C_STAMP] = stamp
     new[C_BEAM] = b
     new[C_X] = x
@@ -472,14 +466,14 @@ def _take_cone(
         if open_bits[c] != 0:
             open_bits[c] = _carve(open_bits[c], cones[c], new)
     if bits != 0 and 2.0 * new[C_ARC] * length <= SHORT_ARC_M / cell:
-        _settle(slot, points, evidence, born, cell_of, counters, params, new, bits)
+        _settle(slot, points, evidence, cell_of, counters, params, new, bits)
         bits = 0
     open_bits[at] = bits
 
 
 @njit(cache=True)
 def _settle_passed(
-    slot, points, evidence, born, cell_of, counters, cones, open_bits, beams, params, stamp
+    slot, points, evidence, cell_of, counters, cones, open_bits, beams, params, stamp
 ):
     """Settle the arcs that their beam has turned away from, and those that are old."""
     for c in range(CONES):
@@ -489,7 +483,7 @@ def _settle_passed(
         b = int(cone[C_BEAM])
         turned = cone[C_COS] * beams[b, B_COS] + cone[C_SIN] * beams[b, B_SIN]
         if turned < math.cos(2.0 * cone[C_ARC]) or cone[C_STAMP] < stamp - CONE_AGE_S:
-            _settle(slot, points, evidence, born, cell_of, counters, params, cone, open_bits[c])
+            _settle(slot, points, evidence, cell_of, counters, params, cone, open_bits[c])
             open_bits[c] = 0
 
 
@@ -499,7 +493,6 @@ def integrate(
     seen,
     points,
     evidence,
-    born,
     cell_of,
     counters,
     beams,
@@ -513,8 +506,7 @@ def integrate(
 ):
     """Take the first `count` rows of `rays` into the map, in order; returns how many were new.
 
-    `counters[VERSION]` must be the version that this update leads to; APPEARED and CLEARED are
-    set to what happened.
+    `counters[APPEARED]` and `counters[CLEARED]` are set to what happened.
     """
     counters[APPEARED] = 0
     counters[CLEARED] = 0
@@ -549,7 +541,6 @@ def integrate(
                     seen,
                     points,
                     evidence,
-                    born,
                     cell_of,
                     counters,
                     cones,
@@ -565,15 +556,12 @@ def integrate(
         if kind != NOTHING:
             reach = length - params[P_FREE_SHRINK]
             if reach > 0.0:
-                _clear_along(
-                    slot, points, evidence, born, cell_of, counters, params, x, y, ux, uy, reach
-                )
+                _clear_along(slot, points, evidence, cell_of, counters, params, x, y, ux, uy, reach)
         if kind == HIT:
             _add_hit(
                 slot,
                 points,
                 evidence,
-                born,
                 cell_of,
                 counters,
                 params,
@@ -583,7 +571,7 @@ def integrate(
             )
         follows = known and _follows(beams, b, stamp)
         if follows and kind != NOTHING and beams[b, B_KIND] != NOTHING:
-            _join(slot, seen, points, evidence, born, cell_of, counters, beams, params, b, ray)
+            _join(slot, seen, points, evidence, cell_of, counters, beams, params, b, ray)
         beams[b, :B_PERIOD] = ray[:B_PERIOD]
     if taken > 0:
         last = count - 1
@@ -592,7 +580,6 @@ def integrate(
                 slot,
                 points,
                 evidence,
-                born,
                 cell_of,
                 counters,
                 cones,
@@ -775,16 +762,16 @@ def nearest(points, evidence, counters, params, north0, east0, north, east):
 
 
 @njit(cache=True)
-def occupied(points, evidence, born, counters, params, north0, east0, since):
-    """(n, 2) north and east of the occupied points born after version `since`."""
+def occupied(points, evidence, counters, params, north0, east0):
+    """(n, 2) north and east of the occupied points."""
     total = 0
     for s in range(counters[COUNT]):
-        if evidence[s] >= params[P_OCCUPIED] and born[s] > since:
+        if evidence[s] >= params[P_OCCUPIED]:
             total += 1
     out = np.empty((total, 2))
     k = 0
     for s in range(counters[COUNT]):
-        if evidence[s] >= params[P_OCCUPIED] and born[s] > since:
+        if evidence[s] >= params[P_OCCUPIED]:
             out[k, 0] = points[s, 0] * params[P_CELL] + north0
             out[k, 1] = points[s, 1] * params[P_CELL] + east0
             k += 1
@@ -797,7 +784,6 @@ def forget(
     seen,
     points,
     evidence,
-    born,
     cell_of,
     counters,
     params,
@@ -819,7 +805,7 @@ def forget(
         if (points[s, 0] - x) ** 2 + (points[s, 1] - y) ** 2 <= r2:
             if evidence[s] >= params[P_OCCUPIED]:
                 counters[CLEARED] += 1
-            _remove_point(slot, points, evidence, born, cell_of, counters, s)
+            _remove_point(slot, points, evidence, cell_of, counters, s)
     rows, columns = seen.shape
     span = min(radius / cell, 1.0e6)
     for i in range(max(0, int(x - span)), min(rows, int(x + span) + 1)):
@@ -827,32 +813,6 @@ def forget(
             d2 = (i + 0.5 - x) ** 2 + (j + 0.5 - y) ** 2
             if k2 < d2 <= r2:
                 seen[i, j] = -np.inf
-
-
-@njit(cache=True)
-def seen_fraction(
-    slot, seen, points, evidence, params, north0, east0, north, east, radius, oldest, bearings
-):
-    """`ObstacleMap.seen_fraction_around`: marching out along evenly spread bearings."""
-    cell = params[P_CELL]
-    x = (north - north0) / cell
-    y = (east - east0) / cell
-    steps = int(radius / cell)
-    total = 0
-    good = 0
-    for k in range(bearings):
-        cos = math.cos(2.0 * math.pi * k / bearings)
-        sin = math.sin(2.0 * math.pi * k / bearings)
-        for step in range(1, steps + 1):
-            i = math.floor(x + step * cos)
-            j = math.floor(y + step * sin)
-            total += 1
-            if _inside(seen, i, j) and seen[i, j] >= oldest:
-                good += 1
-            elif _known(slot, seen, points, evidence, params, i, j, oldest):
-                good += 1
-                break
-    return good / total if total > 0 else 1.0
 
 
 @njit(cache=True)
@@ -884,20 +844,18 @@ def warm_up() -> None:
     seen = np.full((4, 4), -np.inf)
     points = np.zeros((8, 2))
     evidence = np.zeros(8, dtype=np.int32)
-    born = np.zeros(8, dtype=np.int64)
     cell_of = np.zeros(8, dtype=np.int64)
     counters = np.zeros(COUNTERS, dtype=np.int64)
     beams = np.zeros((1, BEAM_COLUMNS))
     rays = np.zeros((1, RAY_COLUMNS))
     params = np.ones(PARAMS)
-    listed = (slot, seen, points, evidence, born, cell_of, counters)
+    listed = (slot, seen, points, evidence, cell_of, counters)
     cones = np.full((CONES, CONE_COLUMNS), -np.inf)
     open_bits = np.zeros(CONES, dtype=np.int64)
     integrate(*listed, beams, cones, open_bits, params, rays, 1, 0.0, 0.0)
     see_disc(seen, params, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
     free_distance(slot, seen, points, evidence, params, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0)
     nearest(points, evidence, counters, params, 0.0, 0.0, 0.0, 0.0)
-    occupied(points, evidence, born, counters, params, 0.0, 0.0, 0)
-    seen_fraction(slot, seen, points, evidence, params, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 4)
+    occupied(points, evidence, counters, params, 0.0, 0.0)
     thin(points, 1.0)
     forget(*listed, params, 0.0, 0.0, 0.0, 0.0, 1.0, 0.1)

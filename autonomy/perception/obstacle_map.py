@@ -27,7 +27,6 @@ MARGIN_M = 1.2
 OFFSET_MAX_M = 0.5
 # The vehicle stands where it stands: its disc, less the error of its position, is free.
 BODY_SHRINK_M = 0.01
-SWEEP_BEARINGS = 120
 
 _ROW = struct.Struct(f"={kernels.RAY_COLUMNS}d")  # one row of the kernel's table of rays
 
@@ -51,7 +50,6 @@ class ObstacleMap:
         self._seen = np.full((rows, columns), -np.inf)
         self._points = np.zeros((1024, 2))
         self._evidence = np.zeros(1024, dtype=np.int32)
-        self._born = np.zeros(1024, dtype=np.int64)
         self._cell_of = np.zeros(1024, dtype=np.int64)
         self._counters = np.zeros(kernels.COUNTERS, dtype=np.int64)
         self._beams = _no_rays(8)
@@ -62,7 +60,6 @@ class ObstacleMap:
         self._now_s: float | None = None
         self._waiting_discs: list[tuple[Point, float]] = []
         self._version = 0
-        self._cleared_version = 0
         self._hits: FloatArray | None = None
 
     # ------------------------------------------------------------ taking in
@@ -100,13 +97,11 @@ class ObstacleMap:
             )
             offset += _ROW.size
         counters = self._counters
-        counters[kernels.VERSION] = self._version + 1
         taken = kernels.integrate(
             self._slot,
             self._seen,
             self._points,
             self._evidence,
-            self._born,
             self._cell_of,
             counters,
             self._beams,
@@ -142,7 +137,7 @@ class ObstacleMap:
         """The frame jumped: what was at p is at p + `delta_ne` now. Loses nothing on the map.
 
         The grid's origin moves, exactly; only when it has drifted far from the fence are whole
-        cells moved, which loses what leaves the grid. Every hit counts as new afterwards.
+        cells moved, which loses what leaves the grid.
         """
         if delta_ne == (0.0, 0.0):
             return
@@ -153,7 +148,6 @@ class ObstacleMap:
         if max(abs(drift_n), abs(drift_e)) > OFFSET_MAX_M:
             self._move_cells(round(drift_n / self._cell_m), round(drift_e / self._cell_m))
         self._version += 1
-        self._born[: self._count] = self._version
         self._hits = None
 
     def follow(self, version: int) -> None:
@@ -172,7 +166,6 @@ class ObstacleMap:
             self._seen,
             self._points,
             self._evidence,
-            self._born,
             self._cell_of,
             self._counters,
             self._params,
@@ -201,11 +194,6 @@ class ObstacleMap:
         return self._version
 
     @property
-    def cleared_version(self) -> int:
-        """The version in which hits last vanished (cleared by rays, or forgotten)."""
-        return self._cleared_version
-
-    @property
     def hit_count(self) -> int:
         """Number of `hits`."""
         return len(self.hits())
@@ -218,19 +206,10 @@ class ObstacleMap:
         Computed when first asked for after an update. The order is deterministic, not spatial.
         """
         if self._hits is None:
-            hits = self._occupied_since(-1)
+            hits = self._occupied()
             hits.setflags(write=False)
             self._hits = hits
         return self._hits
-
-    def new_hits_since(self, version: int) -> FloatArray:
-        """(m, 2) the hits whose cells became occupied after the map's `version`.
-
-        A hit that only moved inside its cell (less than the cell's size) is not new.
-        """
-        if version >= self._version:
-            return np.empty((0, 2))
-        return self._occupied_since(version)
 
     # ------------------------------------------------------------ SeenSpace
 
@@ -282,40 +261,6 @@ class ObstacleMap:
         return distance, math.atan2(east, north)
 
     # ------------------------------------------------------------ further questions
-
-    def free_volume(self, position_ned_m: Vector3, limit_m: float) -> float:
-        """Table 2's V in m3: the free sphere around the position, radius at most `limit_m`."""
-        return 4.0 / 3.0 * math.pi * self.clearance_m(position_ned_m, limit_m) ** 3
-
-    def seen_fraction_around(
-        self,
-        point: Point,
-        radius_m: float,
-        now_s: float | None = None,
-        max_age_s: float | None = None,
-    ) -> float:
-        """How much of the space in line of sight around `point` was seen, 0..1.
-
-        Along each of 120 bearings, cell by cell, to `radius_m` or to the first cell that belongs
-        to a hit. `now_s` defaults to the last update, `max_age_s` to `seen_max_age_s`. Cells
-        beyond the beams' range less `free_shrink_m` cannot be seen from the point itself.
-        """
-        now = self._now_s if now_s is None else now_s
-        age = self._config.seen_max_age_s if max_age_s is None else max_age_s
-        fraction: float = kernels.seen_fraction(
-            self._slot,
-            self._seen,
-            self._points,
-            self._evidence,
-            self._params,
-            *self._origin(),
-            float(point[0]),
-            float(point[1]),
-            float(radius_m),
-            math.inf if now is None else float(now - age),
-            SWEEP_BEARINGS,
-        )
-        return fraction
 
     def ever_seen(self, points: FloatArray) -> npt.NDArray[np.bool_]:
         """(n,) True where the cell of a point (n, 2) was seen free, however long ago."""
@@ -370,24 +315,15 @@ class ObstacleMap:
         )
         return answer
 
-    def _occupied_since(self, version: int) -> FloatArray:
+    def _occupied(self) -> FloatArray:
         points: FloatArray = kernels.occupied(
-            self._points,
-            self._evidence,
-            self._born,
-            self._counters,
-            self._params,
-            *self._origin(),
-            version,
+            self._points, self._evidence, self._counters, self._params, *self._origin()
         )
         return points
 
     def _count_changes(self) -> None:
-        cleared = self._counters[kernels.CLEARED] > 0
-        if cleared or self._counters[kernels.APPEARED] > 0:
+        if self._counters[kernels.CLEARED] > 0 or self._counters[kernels.APPEARED] > 0:
             self._version += 1
-        if cleared:
-            self._cleared_version = self._version
 
     def _make_room(self, rays: Sequence[Ray]) -> None:
         """Grow what the kernel must not: rays, beams, and the list (two new points a ray)."""
@@ -402,7 +338,6 @@ class ObstacleMap:
         while self._count + new > len(self._points):
             self._points = _doubled(self._points)
             self._evidence = _doubled(self._evidence)
-            self._born = _doubled(self._born)
             self._cell_of = _doubled(self._cell_of)
 
     def _move_cells(self, rows: int, columns: int) -> None:

@@ -41,10 +41,6 @@ class StoreyMaps:
         """How many heights are remembered, the present one included."""
         return 1 + len(self._away)
 
-    def remembered_m(self) -> set[float]:
-        """The heights themselves."""
-        return {self.height_m, *self._away}
-
     def settle(self, height_m: float) -> None:
         """The present map is that of `height_m`: the vehicle is there, and nothing was left."""
         self.height_m = height_m

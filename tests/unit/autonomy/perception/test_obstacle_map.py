@@ -1,6 +1,7 @@
 import math
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -166,14 +167,11 @@ def test_the_version_counts_changes_of_the_set_of_occupied_cells() -> None:
     assert obstacles.version == first
     put_hit(obstacles, 1.2, 90.0, 0.7)
     assert obstacles.version == first + 1
-    assert obstacles.new_hits_since(first) == pytest.approx(np.array([[0.0, 0.7]]))
-    assert len(obstacles.new_hits_since(obstacles.version)) == 0
-    assert len(obstacles.new_hits_since(0)) == 2
-    assert obstacles.cleared_version == 0
     for k in range(6):
         stamp = 2.0 + k
         obstacles.update(stamp, (ray(stamp, 90.0, 1.0, RayKind.FREE, beam=50 + k),))
-    assert obstacles.cleared_version == obstacles.version == first + 2
+    assert len(obstacles.hits()) == 1
+    assert obstacles.version == first + 2
 
 
 def test_hits_are_cached_read_only_and_renewed_by_updates() -> None:
@@ -304,14 +302,25 @@ def test_no_signal_says_nothing_about_space() -> None:
     assert not is_seen(obstacles, 30.0, 0.3)
 
 
+def in_sight_seen(obstacles: ObstacleMap, room: Room, radius_m: float) -> float:
+    """Share of the points in sight of the origin, within the radius, that were seen."""
+    points = [
+        along((0.0, 0.0), bearing, away)
+        for bearing in np.linspace(-math.pi, math.pi, 120, endpoint=False)
+        for away in np.arange(0.05, radius_m, 0.05)
+        if room.range_m((0.0, 0.0), float(bearing)) > away + 0.08
+    ]
+    return float(obstacles.ever_seen(np.array(points)).mean())
+
+
 def test_one_turn_sees_everything_in_sight() -> None:
     room = Room(walls=WALL_NORTH.walls, discs=(((-0.3, -0.3), 0.05),))
     obstacles = swept(room)
-    assert obstacles.seen_fraction_around((0.0, 0.0), 0.9) == 1.0
-    assert obstacles.seen_fraction_around((0.0, 0.0), 1.5) < 0.9
+    assert in_sight_seen(obstacles, room, 0.9) > 0.99
+    assert in_sight_seen(obstacles, room, 1.5) < 0.9
     half = new_map()
     Flight(room, half, still).fly(0.8)
-    assert 0.4 < half.seen_fraction_around((0.0, 0.0), 0.9) < 0.7
+    assert 0.4 < in_sight_seen(half, room, 0.9) < 0.7
 
 
 def test_where_the_body_is_the_space_is_free_even_if_no_beam_sees_it() -> None:
@@ -323,11 +332,10 @@ def test_where_the_body_is_the_space_is_free_even_if_no_beam_sees_it() -> None:
 
 
 def test_an_old_sweep_is_not_a_new_one() -> None:
-    obstacles = swept(Room())
-    now = 100.0
-    assert obstacles.seen_fraction_around((0.0, 0.0), 0.5, now, 200.0) == 1.0
-    assert obstacles.seen_fraction_around((0.0, 0.0), 0.5, now, 2.0) == 0.0
-    assert new_map().seen_fraction_around((0.0, 0.0), 0.5) == 0.0
+    obstacles = swept(Room(), seen_max_age_s=20.0)
+    assert len(obstacles.seen_cells(20.0)) > 1000
+    assert len(obstacles.seen_cells(21.8)) == 0
+    assert len(new_map().seen_cells(0.0)) == 0
 
 
 # ---------------------------------------------------------------- corridor
@@ -468,13 +476,6 @@ def test_clearance_and_nearest_hit_agree_and_stop_at_the_limit() -> None:
     assert obstacles.clearance_m(HERE, 0.4) == 0.4
 
 
-def test_the_free_volume_is_that_of_the_sphere_of_the_clearance() -> None:
-    obstacles = new_map()
-    assert obstacles.free_volume(HERE, 1.0) == pytest.approx(4.0 / 3.0 * math.pi)
-    put_hit(obstacles, 1.0, 0.0, 0.5)
-    assert obstacles.free_volume(HERE, 1.0) == pytest.approx(math.pi / 6.0)
-
-
 # ---------------------------------------------------------------- start, resets, forgetting
 
 
@@ -504,7 +505,6 @@ def test_after_a_reset_the_geometry_is_the_same_in_the_new_frame(delta: Point) -
     version = after.version
     after.shift(delta)
     assert after.version > version
-    assert len(after.new_hits_since(version)) == len(after.hits())
     there = (delta[0], delta[1], -1.0)
     assert after.hits() - delta == pytest.approx(before.hits(), abs=1e-9)
     assert after.clearance_m(there, 1.0) == pytest.approx(before.clearance_m(HERE, 1.0))
@@ -558,7 +558,7 @@ def test_forgetting_nearby_removes_hits_and_sight_but_keeps_the_inner_disc() -> 
     version = obstacles.version
     obstacles.forget_within((0.0, 0.0), 1.1, 0.14)
     assert obstacles.hits() == pytest.approx(np.array([[-1.5, 0.0]]))
-    assert obstacles.version == obstacles.cleared_version == version + 1
+    assert obstacles.version == version + 1
     seen = obstacles.seen_cells(2.0)
     assert 0.11 < np.hypot(*seen.T).max() <= 0.14
     assert obstacles.free_distance_m(HERE, 0.0, 1.0, 2.0) == 0.0
@@ -691,11 +691,12 @@ def test_after_warm_up_nothing_is_compiled_for_other_types() -> None:
     obstacles.mark_seen_disc((0, 0), 1, 2)
     obstacles.free_distance_m((0, 0, -1), 0, 1, 2)
     obstacles.nearest_hit((0, 0, -1), 1)
-    obstacles.seen_fraction_around((0, 0), 1, 2, 1)
-    obstacles.new_hits_since(0)
+    obstacles.hits()
     representative_hits(obstacles.hits(), 0.05)
     obstacles.shift((0.9, 0.0))
     Flight(WALL_NORTH, obstacles, still, now_s=1.7).fly(0.2)
+    wide = ray(2.0, 0.0, 0.5)
+    obstacles.update(2.0, (msgspec.structs.replace(wide, half_angle_rad=0.2, free_m=0.5),))
     obstacles.forget_within((0.0, 0.0), 1.1, 0.14)
     obstacles.forget_all((0, 0), 1)
     compiled = {

@@ -184,9 +184,12 @@ def test_forgetting_nearby_reaches_the_neighbours() -> None:
 @settings(deadline=None, max_examples=15)
 def test_memory_is_bounded_and_the_last_heights_are_kept(order: list[float]) -> None:
     made = maps()
+    made.present.mark_seen_disc(ORIGIN, now_s=0.0)
     for now_s, height_m in enumerate(order):
         made.enter(height_m, ORIGIN, float(now_s))
         assert made.height_m == height_m
     assert made.count <= MAPS_MAX
-    recent = list(dict.fromkeys(reversed([1.0, *order])))[:MAPS_MAX]
-    assert made.remembered_m() == set(recent)
+    heights = list(dict.fromkeys(reversed([1.0, *order])))
+    for place, height_m in enumerate(heights):
+        made.enter(height_m, (1.0, 1.0), 100.0)
+        assert made.present.ever_seen(np.array([ORIGIN]))[0] == (place < MAPS_MAX)
