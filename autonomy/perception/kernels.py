@@ -52,7 +52,9 @@ P_MAX_AGE = 10  # s
 P_HIT_RADIUS = 11
 P_SEEN_RADIUS = 12
 P_BODY = 13
-PARAMS = 14
+P_WHOLE_ARC = 14  # what is left of an arc becomes hits up to this length ...
+P_ARC_ENDS = 15  # ... and beyond it this many points at either end do
+PARAMS = 16
 
 R_STAMP, R_BEAM, R_KIND, R_NORTH, R_EAST, R_COS, R_SIN, R_LENGTH, R_CENTRE_N, R_CENTRE_E = range(10)
 R_HALF, R_FREE = 10, 11
@@ -81,9 +83,6 @@ CARVE_SHARE = 0.025
 """A cone rules out what is nearer than its range by this much and this share of the range."""
 SHORT_ARC_M = 0.13
 """An arc this short is a hit as it is."""
-PASSABLE_M = 0.40
-"""A gap that cannot be seen into is a way only when it is wider than this."""
-
 # A gap this many times the beam's own period is a dropped reading.
 DROPPED_RATIO = 1.6
 # No fan is spread over a longer silence, nor over a longer way of the sensor.
@@ -376,11 +375,12 @@ def _carve(bits, arc, cone):
 def _settle(slot, points, evidence, cell_of, counters, params, cone, bits):
     """Turn what is left of an arc into hits, about one in each cell.
 
-    What is left is a few stretches that no cone fitted into. When a stretch is wider than a
-    passage, only its ends are hits: there is something at either, or the cones had come farther.
+    What is left is a few stretches that no cone fitted into. Of a stretch longer than P_WHOLE_ARC
+    only the ends are hits: there is something at either, or the cones had come farther.
     """
     step = 2.0 * cone[C_ARC] / (ARC_POINTS - 1) * cone[C_LENGTH]
     stride = max(1, round(1.0 / step))
+    ends = int(params[P_ARC_ENDS])
     begin = 0
     while begin < ARC_POINTS:
         if not bits >> begin & 1:
@@ -389,10 +389,10 @@ def _settle(slot, points, evidence, cell_of, counters, params, cone, bits):
         end = begin
         while end + 1 < ARC_POINTS and bits >> (end + 1) & 1:
             end += 1
-        whole = (end - begin) * step <= PASSABLE_M / params[P_CELL]
+        whole = (end - begin) * step <= params[P_WHOLE_ARC]
         for k in range(begin, end + 1):
             due = k == end or (k - begin) % stride == 0
-            if due and (whole or k < begin + 2 or k > end - 2):
+            if due and (whole or k < begin + ends or k > end - ends):
                 x, y = _arc_point(cone, k)
                 _add_hit(slot, points, evidence, cell_of, counters, params, x, y, SURFACE)
         begin = end + 1

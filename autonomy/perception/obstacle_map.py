@@ -27,6 +27,12 @@ MARGIN_M = 1.2
 OFFSET_MAX_M = 0.5
 # The vehicle stands where it stands: its disc, less the error of its position, is free.
 BODY_SHRINK_M = 0.01
+# A gap that no cone fits into is no way when it is not wider than this, so it may read closed.
+# Of a wider one only the ends are known.
+PASSABLE_M = 0.40
+# After a whole map was forgotten, as before "unreachable", longer arcs are no evidence at all: a
+# verdict rests on what was looked at from nearby.
+DOUBTED_ARC_M = 0.20
 
 _ROW = struct.Struct(f"={kernels.RAY_COLUMNS}d")  # one row of the kernel's table of rays
 
@@ -182,7 +188,13 @@ class ObstacleMap:
         self._count_changes()
 
     def forget_all(self, point: Point, keep_disc_m: float) -> None:
-        """Forget the whole map except that the disc around `point` was seen."""
+        """Forget the whole map except that the disc around `point` was seen.
+
+        From then on what a wide beam saw counts as an obstacle only where it is known to within
+        20 cm.
+        """
+        self._params[kernels.P_WHOLE_ARC] = DOUBTED_ARC_M / self._cell_m
+        self._params[kernels.P_ARC_ENDS] = 0.0
         rows, columns = self._seen.shape
         self.forget_within(point, (rows + columns) * self._cell_m + 1.0e3, keep_disc_m)
 
@@ -398,6 +410,8 @@ def _parameters(config: MapConfig, body_radius_m: float) -> FloatArray:
     params[kernels.P_MAX_AGE] = config.seen_max_age_s
     params[kernels.P_HIT_RADIUS] = config.corridor_hit_m / cell
     params[kernels.P_SEEN_RADIUS] = config.corridor_seen_m / cell
+    params[kernels.P_WHOLE_ARC] = PASSABLE_M / cell
+    params[kernels.P_ARC_ENDS] = 2.0
     params[kernels.P_BODY] = max(0.0, body_radius_m - BODY_SHRINK_M) / cell
     return params
 

@@ -186,6 +186,16 @@ def test_what_is_forgotten_is_not_hit_later_by_an_arc_from_before() -> None:
     assert len(obstacles.hits()) == 0
 
 
+def test_after_a_map_was_forgotten_whole_only_what_is_known_to_20_cm_is_a_hit() -> None:
+    for length_m, counts in ((0.38, True), (0.6, False), (0.95, False)):
+        obstacles = new_map()
+        obstacles.forget_all((0.0, 0.0), 0.14)
+        obstacles.update(1.0, (cone(1.0, 0.0, length_m),))
+        obstacles.update(1.5, (cone(1.5, 40.0, 1.0, RayKind.FREE),))
+        assert (len(obstacles.hits()) > 0) is counts
+        assert not obstacles.open_arcs()
+
+
 def test_open_arcs_follow_a_jump_of_the_frame() -> None:
     for delta in ((0.3, -0.2), (0.9, 0.0)):
         obstacles = new_map()
