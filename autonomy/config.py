@@ -37,6 +37,14 @@ class EstimationConfig(Section):
     local_position_sigma_m: Positive = 0.03
     local_velocity_sigma_m_s: Positive = 0.05
     gnss_sigma_floor_m: Positive = 0.5
+    gnss_interval_s: NonNegative = 0.35
+    """After a fix was fused, others are left out for so long: their errors are alike."""
+    gnss_bias_noise_m_per_sqrt_s: Positive = 0.1
+    """How fast GNSS and the autopilot may walk apart: metres after one second, one sigma."""
+    gnss_apart_m: Positive = 2.0
+    """Further apart than this, and than 3 times the receiver's accuracy, is told."""
+    drift_noise_m_per_sqrt_s: NonNegative = 0.022
+    """How fast the autopilot's frame drifts against the room; for `room_sigma_m` alone."""
     height_sigma_m: Positive = 0.03
     gate_sigma: Positive = 5.0
     """An innovation larger than this many standard deviations is rejected."""

@@ -20,7 +20,62 @@ from hal.readings import (
 )
 from hal.setpoints import Reply, Request, Setpoint
 
+
+class Event(msgspec.Struct, frozen=True):
+    """One thing worth telling a person; `why` is a sentence."""
+
+    stamp_s: float
+    name: str
+    why: str
+
+
 # ---------------------------------------------------------------- estimation
+
+
+class SourceHealth(msgspec.Struct, frozen=True, gc=False):
+    """How the estimator gets on with one source of measurements.
+
+    `test_ratio` is the newest one's (at most 1: fused; 1e6 stands for what is no number), `age_s`
+    the age of the newest one that was fused; None before that.
+    """
+
+    test_ratio: float = 0.0
+    fused: int = 0
+    rejected: int = 0
+    age_s: float | None = None
+
+
+UNHEARD = SourceHealth()
+
+
+class FilterHealth(msgspec.Struct, frozen=True, gc=False):
+    """What the estimator is made of, for people: nothing is decided by it.
+
+    `gnss_bias_ne_m` is GNSS less local position (nothing at the first fix), `gnss_apart_m` how far
+    that has moved since the first seconds. `room_sigma_m` is what the position is uncertain by
+    against the room, each axis, one sigma, when the autopilot drifts as configured;
+    `FusedState.position_sigma_m` is against the autopilot's frame.
+    """
+
+    position: SourceHealth = UNHEARD
+    velocity: SourceHealth = UNHEARD
+    gnss: SourceHealth = UNHEARD
+    floor: SourceHealth = UNHEARD
+    ceiling: SourceHealth = UNHEARD
+    gnss_bias_ne_m: Point | None = None
+    gnss_apart_m: float | None = None
+    room_sigma_m: float | None = None
+    floor_steps: int = 0
+    ceiling_steps: int = 0
+    frame_jumps: int = 0
+    late: int = 0
+    """Measurements that were fused behind newer ones."""
+    restarts: int = 0
+    """How often the filter had to begin anew, because it diverged or after a silence."""
+
+
+SOURCES = ("position", "velocity", "gnss", "floor", "ceiling")
+"""The fields of `FilterHealth` that are a `SourceHealth`."""
 
 
 class FusedState(msgspec.Struct, frozen=True):
@@ -44,6 +99,11 @@ class FusedState(msgspec.Struct, frozen=True):
     yaw_rate_rad_s: float = 0.0
     frame_shift_ned_m: Vector3 = ZERO3
     """How far the frame jumped at this step (EKF reset): the map moves by as much."""
+    room_above_m: float | None = None
+    """From the vehicle's centre to the ceiling above; None when no beam supports it."""
+    health: FilterHealth = FilterHealth()
+    news: tuple[Event, ...] = ()
+    """What the estimator noticed at this step."""
 
     @property
     def point(self) -> Point:
@@ -190,14 +250,6 @@ class OperatorCommand(StrEnum):
     HOLD = "hold"  # hold where you are until told something else
     RESUME = "resume"  # go on after HOLD
     LAND = "land"
-
-
-class Event(msgspec.Struct, frozen=True):
-    """One thing worth telling a person; `why` is a sentence."""
-
-    stamp_s: float
-    name: str
-    why: str
 
 
 class GuardReport(msgspec.Struct, frozen=True):

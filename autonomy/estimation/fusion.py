@@ -1,100 +1,28 @@
 """Readings to one fused state: gates, resets, delays. Synchronous and deterministic.
 
 The frame is the autopilot's local NED frame, because setpoints are flown in it. Its own position
-and velocity lead; GNSS is placed in that frame and can only steady it; the down beam gives the
-height over the surface below and never the altitude.
+and velocity lead; GNSS has a bias of its own against them and can only warn; the vertical beams
+give floor and ceiling and never the altitude.
 """
 
 import math
 
 from autonomy.config import EstimationConfig
-from autonomy.estimation.kalman import Kalman
-from autonomy.model import FusedState
-from hal.config import BeamMount, BeamsConfig
-from hal.frames import (
-    ZERO3,
-    Vector3,
-    add,
-    ned_from_geodetic,
-    norm,
-    rotate_frd_to_ned,
-    scale,
-    subtract,
-    wrap_pi,
-)
-from hal.readings import Attitude, GnssFix, LocalPosition, RangeReading, RangeStatus
+from autonomy.estimation.counts import Count
+from autonomy.estimation.gnss import Apartness, Places, finite
+from autonomy.estimation.kalman import SIGMA_MAX_M, Kalman
+from autonomy.estimation.surfaces import Levels, Surface, VerticalBeam
+from autonomy.estimation.timeline import HISTORY_S, GnssObservation, LocalObservation, Timeline
+from autonomy.model import Event, FilterHealth, FusedState
+from hal.config import BeamsConfig
+from hal.frames import ZERO3, Vector3, add, norm, scale, subtract, wrap_pi
+from hal.readings import Attitude, GnssFix, LocalPosition, RangeReading
 
-UNKNOWN_SIGMA_M = 1000.0
-_MOVING_M_S = 0.001  # slower than that, two messages of one place are no wonder
+UNKNOWN_SIGMA_M = SIGMA_MAX_M
 """Position uncertainty before anything was measured (finite, so that it can be logged as JSON)."""
-ORIGIN_FIXES = 10
-"""So many GNSS fixes are averaged against the local position to learn where its origin is."""
-TERRAIN_STEP_READINGS = 3
-"""So many rejected heights in a row are a new surface, not outliers."""
-GAP_RESTART_S = 1.0
+GAP_RESTART_S = HISTORY_S
 """After a silence this long the old state says nothing: the next reading starts anew."""
-TILT_MAX_RAD = math.radians(30.0)
-"""Tilted more than this, the down beam no longer looks at the surface below."""
-
-
-class _GnssOrigin:
-    """Where GNSS positions lie in the local frame, learned from the first fixes."""
-
-    def __init__(self) -> None:
-        self._reference: Vector3 | None = None
-        self._offset_sum: Vector3 = ZERO3
-        self._count = 0
-
-    def shift(self, offset_ned_m: Vector3) -> None:
-        """The local frame moved."""
-        self._offset_sum = add(self._offset_sum, scale(offset_ned_m, float(self._count)))
-
-    def place(self, fix: GnssFix, local_ned_m: Vector3) -> Vector3 | None:
-        """The fix in local NED, or None while the origin is being learned (from this fix too)."""
-        if self._reference is None:
-            self._reference = (fix.latitude_deg, fix.longitude_deg, fix.amsl_m)
-        ned = ned_from_geodetic(fix.latitude_deg, fix.longitude_deg, fix.amsl_m, self._reference)
-        if self._count < ORIGIN_FIXES:
-            self._offset_sum = add(self._offset_sum, subtract(local_ned_m, ned))
-            self._count += 1
-            return None
-        return add(ned, scale(self._offset_sum, 1.0 / self._count))
-
-
-class _DownBeam:
-    """Height over the surface below, from the beam that looks down most steeply."""
-
-    def __init__(self, beams: BeamsConfig) -> None:
-        mounts = [m for m in beams.mounts if m.pitch_deg <= -60.0]
-        self._mount: BeamMount | None = min(mounts, key=lambda m: m.pitch_deg, default=None)
-        if self._mount is None:
-            return
-        yaw, pitch = math.radians(self._mount.yaw_deg), math.radians(self._mount.pitch_deg)
-        self._look_frd: Vector3 = (
-            math.cos(pitch) * math.cos(yaw),
-            math.cos(pitch) * math.sin(yaw),
-            -math.sin(pitch),
-        )
-        self._face_frd_m: Vector3 = (
-            self._mount.forward_m,
-            self._mount.right_m,
-            self._mount.down_m,
-        )
-
-    def newest(self, ranges: tuple[RangeReading, ...]) -> RangeReading | None:
-        """The newest valid reading of that beam among `ranges`."""
-        if self._mount is None:
-            return None
-        name = self._mount.name
-        found = [r for r in ranges if r.beam == name and r.status is RangeStatus.VALID]
-        return max(found, key=lambda r: r.stamp_s) if found else None
-
-    def height_m(self, reading: RangeReading, attitude: Attitude) -> float | None:
-        """Height of the vehicle's centre over the surface; None when too tilted to say."""
-        if max(abs(attitude.roll_rad), abs(attitude.pitch_rad)) > TILT_MAX_RAD:
-            return None
-        beam_frd = add(self._face_frd_m, scale(self._look_frd, reading.range_m))
-        return rotate_frd_to_ned(beam_frd, attitude.roll_rad, attitude.pitch_rad, 0.0)[2]
+_MOVING_M_S = 0.001  # slower than that, two messages of one place are no wonder
 
 
 class Fusion:
@@ -103,22 +31,31 @@ class Fusion:
     def __init__(self, config: EstimationConfig, beams: BeamsConfig) -> None:
         self._config = config
         self._beam_stale_s = beams.stale_after_s
-        self._kalman = Kalman(config.acceleration_noise_m_s2, config.gate_sigma)
-        self._down = _DownBeam(beams)
-        self._origin = _GnssOrigin()
-        self._filter_s = -math.inf
-        """Time up to which the filter was moved: the newest stamp that it took notice of."""
-        self._fused_s = -math.inf
-        """Stamp of the last local position that was fused."""
+        self._kalman = Kalman(
+            config.acceleration_noise_m_s2, config.gate_sigma, config.gnss_bias_noise_m_per_sqrt_s
+        )
+        self._timeline = Timeline(self._kalman)
+        self._began_s: float | None = None
+        self._news: list[tuple[str, str]] = []
+        self._frame_jumps = self._late = self._restarts = 0
+
+        self._local_s = -math.inf
+        """Stamp of the newest local position that was taken notice of."""
+        self._late_local_s = -math.inf
         self._reset_counter = 0
         self._newest: LocalPosition | None = None
-        self._rejected_in_a_row = 0
-        self._gnss_stamp_s = -math.inf
-        self._gnss_rejected_in_a_row = 0
-        self._height_stamp_s = -math.inf
-        self._supported_s = -math.inf
-        """Stamp of the last height that agrees with the surface estimate."""
-        self._heights_rejected_in_a_row = 0
+        self._position, self._velocity = Count(), Count()
+
+        self._fix_s = -math.inf
+        self._places = Places()
+        self._apartness = Apartness(config.gnss_apart_m)
+        self._gnss = Count()
+
+        self._beams = (VerticalBeam(beams, -1), VerticalBeam(beams, 1))
+        self._surfaces = (Surface(config.gate_sigma), Surface(config.gate_sigma))
+        self._levels = Levels(*self._surfaces)
+        self._level_counts = (Count(), Count())
+        self._level_s = [-math.inf, -math.inf]
 
     def step(
         self,
@@ -130,22 +67,34 @@ class Fusion:
     ) -> FusedState:
         """The state at `now_s` from the newest readings (old ones may be handed in again).
 
-        Local position and GNSS count once, by stamp. `frame_shift_ned_m` is set on the step at
-        which the autopilot's frame jumped: `position_ned_m` is in the new frame, and what was
-        placed in the old one has to be moved by as much.
+        Every reading counts once, by stamp, and at its stamp: a late one changes what came after
+        it, too. `frame_shift_ned_m` is set on the step at which the autopilot's frame jumped:
+        `position_ned_m` is in the new frame, and what was placed in the old one has to be moved by
+        as much.
         """
         shift = ZERO3
-        new = local_position is not None and local_position.stamp_s > self._filter_s
-        if local_position is not None and new and not self._repeats(local_position):
+        if local_position is not None:
             shift = self._take_local(local_position)
-        if self._filter_s > -math.inf:
-            if gnss is not None and gnss.stamp_s > self._gnss_stamp_s:
-                self._take_gnss(gnss)
+        if self._began_s is not None:
+            if gnss is not None and gnss.stamp_s > self._fix_s:
+                self._take_gnss(now_s, gnss)
             if attitude is not None:
-                self._take_height(ranges, attitude)
+                self._take_levels(ranges, attitude)
+            self._news.extend(self._levels.news(now_s))
         return self._state(now_s, attitude, shift)
 
     # ------------------------------------------------------------ local position
+
+    def _take_local(self, local: LocalPosition) -> Vector3:
+        """Fuse a local position that is new; returns how far the frame jumped."""
+        if local.stamp_s > self._local_s:
+            return ZERO3 if self._repeats(local) else self._take_newest(local)
+        if local.stamp_s not in (self._local_s, self._late_local_s):
+            self._late_local_s = local.stamp_s
+            # One from before a reset lies in a frame that is no more.
+            if local.reset_counter == self._reset_counter and self._began_s is not None:
+                self._late += self._fuse_local(local) is not None
+        return ZERO3
 
     def _repeats(self, local: LocalPosition) -> bool:
         """True for a message that moves and is at the very same place as the one before it.
@@ -161,55 +110,70 @@ class Fusion:
             and local.velocity_ned_m_s == before.velocity_ned_m_s
         )
 
-    def _take_local(self, local: LocalPosition) -> Vector3:
-        """Fuse a new local position; returns how far the frame jumped."""
-        config = self._config
-        dt_s = local.stamp_s - self._filter_s
-        self._filter_s = local.stamp_s
+    def _take_newest(self, local: LocalPosition) -> Vector3:
+        silent_s = local.stamp_s - self._local_s
+        self._local_s = local.stamp_s
         was_reset = local.reset_counter != self._reset_counter
         self._reset_counter = local.reset_counter
-        if dt_s == math.inf:
-            self._start(local)
+        if self._began_s is None:
+            self._began_s = local.stamp_s
+            self._begin(local)
             return ZERO3
-        self._kalman.predict(min(dt_s, GAP_RESTART_S))
         if was_reset:
-            return self._jump(local)
-        if dt_s > GAP_RESTART_S:
-            self._start(local)
+            return self._jump(local, "the autopilot reset its estimate")
+        if silent_s > GAP_RESTART_S:
+            self._restart(local, f"local position was silent for {silent_s:.1f} s")
             return ZERO3
-        position, _ = self._kalman.update(
-            local.position_ned_m,
-            local.velocity_ned_m_s,
-            config.local_position_sigma_m,
-            config.local_velocity_sigma_m_s,
-        )
-        if position.fused:
-            self._rejected_in_a_row = 0
-            self._fused_s = local.stamp_s
+        if self._fuse_local(local) is not False:
             return ZERO3
-        self._rejected_in_a_row += 1
-        if self._rejected_in_a_row < config.reset_after_rejections:
+        if self._position.rejected_in_a_row < self._config.reset_after_rejections:
             return ZERO3
         # The autopilot insists. Setpoints are flown in its frame, so its frame has moved.
-        return self._jump(local)
+        rejected = self._position.rejected_in_a_row
+        return self._jump(local, f"the autopilot insists after {rejected} rejected positions")
 
-    def _start(self, local: LocalPosition) -> None:
-        self._kalman.start(
+    def _observed(self, local: LocalPosition, *, anew: bool = False) -> LocalObservation:
+        return LocalObservation(
+            local.stamp_s,
             local.position_ned_m,
             local.velocity_ned_m_s,
             self._config.local_position_sigma_m,
             self._config.local_velocity_sigma_m_s,
+            anew,
         )
-        self._rejected_in_a_row = 0
-        self._fused_s = local.stamp_s
 
-    def _jump(self, local: LocalPosition) -> Vector3:
-        """Move filter, surface and GNSS origin with the frame, then start from the reading.
+    def _fuse_local(self, local: LocalPosition) -> bool | None:
+        """Whether its position passed the gate; None when it came too late."""
+        tests = self._timeline.insert(self._observed(local))
+        if tests is None:
+            self._position.refused()
+            return None
+        position, velocity = tests
+        self._position.note(position, local.stamp_s)
+        self._velocity.note(velocity, local.stamp_s)
+        why = self._kalman.why_unhealthy()
+        if why:
+            self._kalman.forget_bias()
+            self._restart(local, why)
+        return position.fused
+
+    def _begin(self, local: LocalPosition) -> None:
+        self._timeline.begin(self._observed(local))
+        self._position.began(local.stamp_s)
+        self._velocity.began(local.stamp_s)
+
+    def _restart(self, local: LocalPosition, why: str) -> None:
+        self._restarts += 1
+        self._news.append(("filter_restart", f"the position filter began anew: {why}"))
+        self._begin(local)
+
+    def _jump(self, local: LocalPosition, why: str) -> Vector3:
+        """Move filter, surfaces and GNSS bias with the frame, then start from the reading.
 
         A horizontal or vertical jump within the noise is none (a reset may concern one of them,
         or the heading alone); it would only shake the map.
         """
-        gap = subtract(local.position_ned_m, self._kalman.position_ned_m)
+        gap = subtract(local.position_ned_m, self._timeline.position_at(local.stamp_s))
         noise_m = 2.0 * self._config.local_position_sigma_m
         horizontal = math.hypot(gap[0], gap[1]) > noise_m
         vertical = abs(gap[2]) > noise_m
@@ -218,111 +182,176 @@ class Fusion:
             gap[1] if horizontal else 0.0,
             gap[2] if vertical else 0.0,
         )
-        self._kalman.shift(shift)
-        self._origin.shift(shift)
-        self._start(local)
+        if shift != ZERO3:
+            self._frame_jumps += 1
+            words = f"the frame moved by ({shift[0]:.2f}, {shift[1]:.2f}, {shift[2]:.2f}) m NED"
+            self._news.append(("frame_jump", f"{why}: {words}, and the map with it"))
+            self._timeline.shift(shift)
+            self._apartness.shift((shift[0], shift[1]))
+            for surface in self._surfaces:
+                surface.shift(shift[2])
+        tests = self._timeline.insert(self._observed(local, anew=True))
+        if tests is None:
+            self._timeline.begin(self._observed(local))
+        self._position.began(local.stamp_s)
+        self._velocity.began(local.stamp_s)
         return shift
 
     # ------------------------------------------------------------ GNSS
 
-    def _take_gnss(self, fix: GnssFix) -> None:
-        """Fuse a new fix, moved from its stamp to the filter's time by the velocity.
+    def _take_gnss(self, now_s: float, fix: GnssFix) -> None:
+        """Fuse a new fix where it belongs.
 
-        Its accuracy is never believed below the floor: errors of neighbouring fixes are alike. A
-        fix cannot move the state against the autopilot for long: after too many rejections it is
-        the origin that is learned anew.
+        Errors of neighbouring fixes are alike: one is enough for `gnss_interval_s`, and its
+        accuracy is never believed below the floor. It cannot move the state against the autopilot:
+        its bias takes what lasts, and after too many rejections the bias is learned anew.
         """
-        self._gnss_stamp_s = fix.stamp_s
-        delay_s = self._filter_s - fix.stamp_s
-        if not fix.fix_type.has_position or abs(delay_s) > GAP_RESTART_S:
+        config = self._config
+        stamp_s = min(fix.stamp_s, now_s)
+        if fix.stamp_s - now_s > config.stale_after_s:
+            self._fix_s = fix.stamp_s
+            self._gnss.refused()
             return
-        travelled = scale(self._kalman.velocity_ned_m_s, delay_s)
-        position = subtract(self._kalman.position_ned_m, travelled)
-        placed = self._origin.place(fix, position)
-        if placed is None:
+        if stamp_s > self._local_s + config.stale_after_s:
+            return  # GNSS alone carries nothing; it is fused when the autopilot is heard again.
+        self._fix_s = fix.stamp_s
+        if not fix.fix_type.has_position or stamp_s - self._gnss.fused_s < config.gnss_interval_s:
             return
-        sigma_m = max(
-            self._config.gnss_sigma_floor_m, fix.horizontal_accuracy_m, fix.vertical_accuracy_m
-        )
-        if self._kalman.update_position(add(placed, travelled), sigma_m).fused:
-            self._gnss_rejected_in_a_row = 0
+        if self._began_s is None or stamp_s < self._began_s:
             return
-        self._gnss_rejected_in_a_row += 1
-        if self._gnss_rejected_in_a_row >= self._config.reset_after_rejections:
-            self._gnss_rejected_in_a_row = 0
-            self._origin = _GnssOrigin()
+        place = self._places.place(fix, self._timeline.position_at(stamp_s))
+        if not finite(place):
+            self._gnss.refused()
+            return
+        sigma_m = max(config.gnss_sigma_floor_m, fix.horizontal_accuracy_m)
+        self._late += self._fuse_gnss(GnssObservation(stamp_s, place, sigma_m))
+        bias = self._kalman.bias_ne_m
+        if bias is not None:
+            self._news.extend(self._apartness.step(stamp_s, bias, sigma_m))
 
-    # ------------------------------------------------------------ down beam
+    def _fuse_gnss(self, observation: GnssObservation) -> bool:
+        """Insert it, or learn the bias anew from it; whether it came behind newer readings."""
+        late = observation.stamp_s < (self._timeline.head_s or 0.0)
+        tests = self._timeline.insert(observation)
+        if tests is None:
+            self._gnss.refused()
+            return False
+        self._gnss.note(tests[0], observation.stamp_s)
+        if self._gnss.rejected_in_a_row >= self._config.reset_after_rejections:
+            rejected, self._gnss.rejected_in_a_row = self._gnss.rejected_in_a_row, 0
+            before = self._kalman.bias_ne_m or (0.0, 0.0)
+            self._timeline.insert(
+                GnssObservation(
+                    observation.stamp_s, observation.position_ne_m, observation.sigma_m, anew=True
+                )
+            )
+            after = self._kalman.bias_ne_m or before
+            gap_m = math.hypot(after[0] - before[0], after[1] - before[1])
+            why = f"{rejected} fixes in a row were rejected: GNSS jumped by {gap_m:.1f} m"
+            self._news.append(("gnss_jump", f"{why} against the autopilot; its bias begins anew"))
+        return late
 
-    def _take_height(self, ranges: tuple[RangeReading, ...], attitude: Attitude) -> None:
-        """Fuse a new height into the surface below; a lasting step is a new surface."""
-        reading = self._down.newest(ranges)
-        if reading is None or reading.stamp_s <= self._height_stamp_s:
-            return
-        self._height_stamp_s = reading.stamp_s
-        height_m = self._down.height_m(reading, attitude)
-        if height_m is None:
-            return
-        # A driver's variance is repeatability; the surface itself is rougher than that.
-        sigma_m = max(self._config.height_sigma_m, math.sqrt(reading.variance_m2))
-        if not self._kalman.update_height(height_m, sigma_m).fused:
-            self._heights_rejected_in_a_row += 1
-            if self._heights_rejected_in_a_row < TERRAIN_STEP_READINGS:
-                return
-            self._kalman.start_terrain(height_m, sigma_m)
-        self._heights_rejected_in_a_row = 0
-        self._supported_s = reading.stamp_s
+    # ------------------------------------------------------------ floor and ceiling
+
+    def _take_levels(self, ranges: tuple[RangeReading, ...], attitude: Attitude) -> None:
+        """Fuse new readings of the vertical beams into floor and ceiling, at their own time."""
+        for index, name in enumerate(("floor", "ceiling")):
+            reading = self._beams[index].newest(ranges)
+            if reading is None or reading.stamp_s <= self._level_s[index]:
+                continue
+            self._level_s[index] = reading.stamp_s
+            below_m = self._beams[index].end_below_m(reading, attitude)
+            if below_m is None:
+                continue
+            # A driver's variance is repeatability; the surface itself is rougher than that.
+            sigma_m = max(self._config.height_sigma_m, math.sqrt(reading.variance_m2))
+            position_sigma_m = self._kalman.position_sigma_m()
+            down_m = self._timeline.position_at(reading.stamp_s)[2] + below_m
+            tested, step = self._surfaces[index].update(
+                reading.stamp_s, down_m, sigma_m**2 + position_sigma_m**2
+            )
+            self._level_counts[index].note(tested, reading.stamp_s)
+            self._levels.stepped(name, step)
+
+    def _free_m(self, surface: Surface, now_s: float, down_m: float) -> float | None:
+        """How far the surface is below `down_m`; None when no beam supports it."""
+        if surface.down_m is None or now_s - surface.supported_s > self._beam_stale_s:
+            return None
+        return surface.down_m - down_m
 
     # ------------------------------------------------------------ result
 
     def _state(self, now_s: float, attitude: Attitude | None, shift: Vector3) -> FusedState:
         """The state moved to now, as far as that can be answered for (`stale_after_s`)."""
-        if self._filter_s == -math.inf:
+        head_s = self._timeline.head_s
+        if head_s is None:
             why = "no local position yet"
             return FusedState(
                 now_s, ZERO3, ZERO3, 0.0, UNKNOWN_SIGMA_M, None, ok=False, why_not_ok=why
             )
         config = self._config
-        ahead_s = min(max(0.0, now_s - self._filter_s), config.stale_after_s)
+        until_s = max(head_s, min(now_s, self._local_s + config.stale_after_s))
         velocity = self._kalman.velocity_ned_m_s
-        position = add(self._kalman.position_ned_m, scale(velocity, ahead_s))
-        sigma_m = self._kalman.position_sigma_m(ahead_s)
+        position = add(self._kalman.position_ned_m, scale(velocity, until_s - head_s))
+        sigma_m = self._kalman.position_sigma_m(until_s - head_s)
         why = self._why_not_ok(now_s, attitude, sigma_m)
         roll = pitch = yaw = rate = 0.0
         if attitude is not None:
             roll, pitch, rate = attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rate_rad_s
             turned_s = min(max(0.0, now_s - attitude.stamp_s), config.stale_after_s)
             yaw = wrap_pi(attitude.yaw_rad + rate * turned_s)
+        above_m = self._free_m(self._surfaces[1], now_s, position[2])
+        news = tuple([Event(now_s, name, words) for name, words in self._news])
+        self._news.clear()
         return FusedState(
-            stamp_s=self._filter_s + ahead_s,
+            stamp_s=until_s,
             position_ned_m=position,
             velocity_ned_m_s=velocity,
             yaw_rad=yaw,
             position_sigma_m=min(sigma_m, UNKNOWN_SIGMA_M),
-            height_agl_m=self._height_agl_m(now_s, position[2]),
+            height_agl_m=self._free_m(self._surfaces[0], now_s, position[2]),
             ok=not why,
             why_not_ok=why,
             roll_rad=roll,
             pitch_rad=pitch,
             yaw_rate_rad_s=rate,
             frame_shift_ned_m=shift,
+            room_above_m=None if above_m is None else -above_m,
+            health=self._health(now_s, sigma_m),
+            news=news,
         )
 
-    def _height_agl_m(self, now_s: float, down_m: float) -> float | None:
-        terrain_m = self._kalman.terrain_down_m
-        if terrain_m is None or now_s - self._supported_s > self._beam_stale_s:
-            return None
-        return terrain_m - down_m
+    def _health(self, now_s: float, sigma_m: float) -> FilterHealth:
+        bias, apart_m = self._kalman.bias_ne_m, self._apartness.apart_m
+        flown_s = 0.0 if self._began_s is None else max(0.0, now_s - self._began_s)
+        drift_m2 = self._config.drift_noise_m_per_sqrt_s**2 * flown_s
+        floor, ceiling = self._level_counts
+        return FilterHealth(
+            position=self._position.health(now_s),
+            velocity=self._velocity.health(now_s),
+            gnss=self._gnss.health(now_s),
+            floor=floor.health(now_s),
+            ceiling=ceiling.health(now_s),
+            gnss_bias_ne_m=None if bias is None else (round(bias[0], 3), round(bias[1], 3)),
+            gnss_apart_m=None if apart_m is None else round(apart_m, 3),
+            room_sigma_m=round(math.sqrt(sigma_m * sigma_m + drift_m2), 4),
+            floor_steps=self._surfaces[0].steps,
+            ceiling_steps=self._surfaces[1].steps,
+            frame_jumps=self._frame_jumps,
+            late=self._late,
+            restarts=self._restarts,
+        )
 
     def _why_not_ok(self, now_s: float, attitude: Attitude | None, sigma_m: float) -> str:
         """The first reason not to fly by this state; empty when there is none."""
         limit_s = self._config.stale_after_s
-        if now_s - self._filter_s > limit_s:
-            return f"local position is {now_s - self._filter_s:.2f} s old"
-        if self._filter_s - now_s > limit_s:
-            return f"local position is {self._filter_s - now_s:.2f} s in the future"
-        if now_s - self._fused_s > limit_s:
-            return f"local position was rejected {self._rejected_in_a_row} times in a row"
+        if now_s - self._local_s > limit_s:
+            return f"local position is {now_s - self._local_s:.2f} s old"
+        if self._local_s - now_s > limit_s:
+            return f"local position is {self._local_s - now_s:.2f} s in the future"
+        if now_s - self._position.fused_s > limit_s:
+            rejected = self._position.rejected_in_a_row
+            return f"local position was rejected {rejected} times in a row"
         if attitude is None:
             return "no attitude yet"
         if abs(now_s - attitude.stamp_s) > limit_s:

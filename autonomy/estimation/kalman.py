@@ -1,64 +1,89 @@
-"""The one door to filterpy: a constant-velocity Kalman filter in local NED, gated like PX4's EKF2.
+"""The one door to filterpy: position, velocity and GNSS bias in local NED, gated like PX4's EKF2.
 
-Constant velocity, piecewise constant random acceleration of standard deviation q over each
-prediction interval:
+    x = [position p, velocity v, bias b]
+    F = [[1, dt, 0], [0, 1, 0], [0, 0, 1]]
+    Q = [[a dt^3/3, a dt^2/2, 0], [a dt^2/2, a dt, 0], [0, 0, w dt]]
 
-    x = [position, velocity],  F = [[1, dt], [0, 1]],  Q = q^2 [[dt^4/4, dt^3/2], [dt^3/2, dt^2]]
+The acceleration is white noise of density a, the bias walks with density w. Cut into two, a
+prediction is the same: measurements may come in between, or late (timeline.py).
 
-North, east and down do not see each other and every measurement has one accuracy for all three,
-so they are the three columns of one `x` and share one 2 x 2 covariance. filterpy updates it in
-Joseph's form, which keeps it positive definite; rounding asymmetry is removed.
+    local position   z = p,  z = v
+    GNSS             z = p + b   b: where GNSS is off the autopilot's frame, whichever of them errs
+
+North, east and down do not see each other and every measurement has one accuracy for its axes, so
+they are the three columns of one `x` and share one 3 x 3 covariance. GNSS measures two of them; the
+third has that much less from it, which is less than a thousandth of its variance. filterpy updates
+the covariance in Joseph's form, which keeps it positive definite; rounding asymmetry is removed.
 
 Words (PX4's): innovation = measured - predicted; test ratio = innovation^2 / (gate^2 * innovation
 variance), the largest over the axes; a measurement is fused when it is <= 1, else rejected.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
 from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 
-from hal.frames import Vector3
+from autonomy.geometry import Point
+from hal.frames import ZERO3, Vector3
 
 Matrix = NDArray[np.float64]
 
-_POSITION: Matrix = np.array([[1.0, 0.0]])
-_VELOCITY: Matrix = np.array([[0.0, 1.0]])
-_BOTH: Matrix = np.eye(2)
+ACCELERATION_HOLDS_S = 0.05
+"""An acceleration of one sigma is expected to last so long: density = sigma^2 * this."""
+SIGMA_MAX_M = 1000.0
+"""A position less certain than this is none: the filter has diverged."""
+
+_P, _V, _B = 0, 1, 2
+_BOTH: Matrix = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+_POSITION: Matrix = np.array([[1.0, 0.0, 0.0]])
+_VELOCITY: Matrix = np.array([[0.0, 1.0, 0.0]])
+_GNSS: Matrix = np.array([[1.0, 0.0, 1.0]])
 _VARIANCE_MIN = 1e-12
 
 
-class Tested(msgspec.Struct, frozen=True):
-    """What became of one measurement: its test ratio (inf for NaN), and whether it was fused."""
+class Tested(NamedTuple):
+    """What became of one measurement.
+
+    `test_ratio`: the largest of its axes, inf for what is no number. `nis`: its normalised
+    innovation squared, chi-square with as many degrees of freedom as it has axes.
+    """
 
     test_ratio: float
     fused: bool
+    nis: float = 0.0
+
+
+class Snapshot(NamedTuple):
+    """The whole filter at one time. The arrays are never written to."""
+
+    x: Matrix
+    p: Matrix
+    bias_known: bool
 
 
 class Kalman:
-    """Position and velocity in local NED, and the height of the surface below.
-
-    The surface ("terrain") is a random walk of its own, measured by the height over it; it never
-    moves the vehicle: over a table the surface rises, the altitude stays.
-    """
+    """Position and velocity in local NED, and how far GNSS is off it."""
 
     def __init__(
         self,
         acceleration_noise_m_s2: float,
         gate_sigma: float,
-        terrain_noise_m_per_sqrt_s: float = 0.02,
+        bias_noise_m_per_sqrt_s: float = 0.1,
     ) -> None:
-        self._q2 = acceleration_noise_m_s2 * acceleration_noise_m_s2
+        self._q_acceleration = acceleration_noise_m_s2**2 * ACCELERATION_HOLDS_S
+        self._q_bias = bias_noise_m_per_sqrt_s**2
         self._gate2 = gate_sigma * gate_sigma
-        self._filter: Any = KalmanFilter(dim_x=2, dim_z=2)
+        self._filter: Any = KalmanFilter(dim_x=3, dim_z=2)
         self._filter.inv = _inverse
-        self.start((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0, 1.0)
-        self._terrain_q = terrain_noise_m_per_sqrt_s * terrain_noise_m_per_sqrt_s
-        self._terrain_down_m: float | None = None
-        self._terrain_variance_m2 = 0.0
+        self._filter.x = np.zeros((3, 3))
+        self._transition = self._filter.F = np.eye(3)
+        self._noise = self._filter.Q = np.zeros((3, 3))
+        self._noise_of_both = np.zeros((2, 2))
+        self._bias_known = False
+        self.start(ZERO3, ZERO3, 1.0, 1.0)
 
     def start(
         self,
@@ -67,59 +92,90 @@ class Kalman:
         position_sigma_m: float,
         velocity_sigma_m_s: float,
     ) -> None:
-        """Begin (again) from one measurement and its accuracies. The surface below is kept."""
-        self._filter.x = np.array([position_ned_m, velocity_ned_m_s], dtype=np.float64)
-        self._filter.P = np.diag([_variance(position_sigma_m), _variance(velocity_sigma_m_s)])
+        """Begin (again) from one measurement and its accuracies. The bias is kept."""
+        bias, variance = self._filter.x[_B].tolist(), float(self._filter.P[_B, _B])
+        self._filter.x = np.array([position_ned_m, velocity_ned_m_s, bias], dtype=np.float64)
+        self._filter.P = np.diag(
+            [_variance(position_sigma_m), _variance(velocity_sigma_m_s), variance]
+        )
+
+    def forget_bias(self) -> None:
+        """The next GNSS position is the first one."""
+        self._filter.x = np.vstack([self._filter.x[:_B], np.zeros(3)])
+        self._filter.P = np.diag([1.0, 1.0, 0.0])
+        self._bias_known = False
+
+    # ------------------------------------------------------------ what it believes
 
     @property
     def position_ned_m(self) -> Vector3:
         """Position at the last prediction or update."""
-        n, e, d = self._filter.x[0].tolist()
+        n, e, d = self._filter.x[_P].tolist()
         return (n, e, d)
 
     @property
     def velocity_ned_m_s(self) -> Vector3:
         """Velocity at the last prediction or update."""
-        n, e, d = self._filter.x[1].tolist()
+        n, e, d = self._filter.x[_V].tolist()
         return (n, e, d)
 
     @property
+    def bias_ne_m(self) -> Point | None:
+        """GNSS less local position, (north, east); None before the first fix."""
+        n, e, _ = self._filter.x[_B].tolist()
+        return (n, e) if self._bias_known else None
+
+    @property
+    def bias_sigma_m(self) -> float:
+        """One-sigma uncertainty of the bias, each axis."""
+        return math.sqrt(self._filter.P[_B, _B])
+
+    @property
     def covariance(self) -> Matrix:
-        """2 x 2 covariance of (position, velocity), the same for each axis; a copy."""
+        """3 x 3 covariance of (position, velocity, bias), the same for each axis; a copy."""
         copy: Matrix = self._filter.P.copy()
         return copy
 
-    @property
-    def terrain_down_m(self) -> float | None:
-        """Down coordinate of the surface below; None before the first height."""
-        return self._terrain_down_m
-
     def position_sigma_m(self, dt_s: float = 0.0) -> float:
         """One-sigma uncertainty of each axis when nothing is measured for `dt_s` seconds more."""
-        (p00, p01), (_, p11) = self._filter.P.tolist()
+        (p00, p01, _), (_, p11, _), _ = self._filter.P.tolist()
         dt2 = dt_s * dt_s
-        variance: float = p00 + 2.0 * dt_s * p01 + dt2 * p11 + self._q2 * dt2 * dt2 / 4.0
+        variance: float = p00 + 2.0 * dt_s * p01 + dt2 * p11 + self._q_acceleration * dt2 * dt_s / 3
         return math.sqrt(variance)
 
-    # ------------------------------------------------------------ prediction
+    def why_unhealthy(self) -> str:
+        """Why state and covariance cannot be believed any more; empty while they can."""
+        (p00, p01, p02), (_, p11, p12), (_, _, p22) = self._filter.P.tolist()
+        # A sum meets every element: an infinity or a NaN among them shows.
+        if not math.isfinite(sum(self._filter.x.ravel().tolist()) + p00 + p01 + p02 + p11 + p12):
+            return "its numbers ran over"
+        if not (p00 > 0.0 and p22 >= 0.0 and p00 * p11 - p01 * p01 > 0.0):
+            return "its covariance is no longer positive"
+        if p00 > SIGMA_MAX_M * SIGMA_MAX_M:
+            return f"its position is uncertain to {math.sqrt(p00):.0f} m"
+        return ""
+
+    # ------------------------------------------------------------ time and frame
+
+    def snapshot(self) -> Snapshot:
+        """The filter as it is now."""
+        return Snapshot(self._filter.x, self._filter.P, self._bias_known)
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """The filter as it was then."""
+        self._filter.x, self._filter.P, self._bias_known = snapshot
 
     def predict(self, dt_s: float) -> None:
         """Move on by `dt_s` seconds; does nothing for `dt_s` <= 0 (time never runs back)."""
         if not dt_s > 0.0:
             return
-        dt2 = dt_s * dt_s
-        q01 = self._q2 * dt2 * dt_s / 2.0
-        self._filter.predict(
-            F=np.array([[1.0, dt_s], [0.0, 1.0]]),
-            Q=np.array([[self._q2 * dt2 * dt2 / 4.0, q01], [q01, self._q2 * dt2]]),
-        )
-        self._terrain_variance_m2 += self._terrain_q * dt_s
-
-    def shift(self, offset_ned_m: Vector3) -> None:
-        """The frame moved: the position changes, and the surface with it; certainty does not."""
-        self._filter.x[0] += offset_ned_m
-        if self._terrain_down_m is not None:
-            self._terrain_down_m += offset_ned_m[2]
+        q, noise = self._q_acceleration * dt_s, self._noise
+        self._transition[_P, _V] = dt_s
+        noise[_P, _P] = q * dt_s * dt_s / 3.0
+        noise[_P, _V] = noise[_V, _P] = q * dt_s / 2.0
+        noise[_V, _V] = q
+        noise[_B, _B] = self._q_bias * dt_s
+        self._filter.predict()
 
     # ------------------------------------------------------------ updates
 
@@ -132,73 +188,79 @@ class Kalman:
     ) -> tuple[Tested, Tested]:
         """Fuse position and velocity of one instant in one step; each has its own gate."""
         variance_p, variance_v = _variance(position_sigma_m), _variance(velocity_sigma_m_s)
-        ratio_p = self._test_ratio(0, position_ned_m, variance_p)
-        ratio_v = self._test_ratio(1, velocity_ned_m_s, variance_v)
-        if ratio_p <= 1.0 and ratio_v <= 1.0:
-            noise = np.array([[variance_p, 0.0], [0.0, variance_v]])
+        predicted_p, predicted_v, _ = self._filter.x.tolist()
+        (p00, _, _), (_, p11, _), _ = self._filter.P.tolist()
+        position = self._test(position_ned_m, predicted_p, p00 + variance_p)
+        velocity = self._test(velocity_ned_m_s, predicted_v, p11 + variance_v)
+        if position.fused and velocity.fused:
+            noise = self._noise_of_both
+            noise[0, 0], noise[1, 1] = variance_p, variance_v
             self._fuse(np.array([position_ned_m, velocity_ned_m_s]), noise, _BOTH)
-        elif ratio_p <= 1.0:
+        elif position.fused:
             self._fuse(np.array([position_ned_m]), np.array([[variance_p]]), _POSITION)
-        elif ratio_v <= 1.0:
+        elif velocity.fused:
             self._fuse(np.array([velocity_ned_m_s]), np.array([[variance_v]]), _VELOCITY)
-        return Tested(ratio_p, ratio_p <= 1.0), Tested(ratio_v, ratio_v <= 1.0)
+        return position, velocity
 
-    def update_position(self, position_ned_m: Vector3, sigma_m: float) -> Tested:
-        """Fuse a position, if it passes the gate."""
+    def update_gnss(self, position_ne_m: Point, sigma_m: float) -> Tested:
+        """Fuse a GNSS position, placed anywhere but always alike; the first one is the bias."""
+        if not self._bias_known:
+            return self.start_bias(position_ne_m, sigma_m)
         variance = _variance(sigma_m)
-        ratio = self._test_ratio(0, position_ned_m, variance)
-        if ratio <= 1.0:
-            self._fuse(np.array([position_ned_m]), np.array([[variance]]), _POSITION)
-        return Tested(ratio, ratio <= 1.0)
+        (pn, pe, pd), _, (bn, be, bd) = self._filter.x.tolist()
+        p = self._filter.P
+        dn, de = position_ne_m[0] - pn - bn, position_ne_m[1] - pe - be
+        tested = self._judged(
+            (dn * dn, de * de), float(p[_P, _P] + 2.0 * p[_P, _B] + p[_B, _B]) + variance
+        )
+        if tested.fused:
+            # What is not measured is as it was predicted to be.
+            z = np.array([[*position_ne_m, pd + bd]])
+            self._fuse(z, np.array([[variance]]), _GNSS)
+        return tested
 
-    def update_velocity(self, velocity_ned_m_s: Vector3, sigma_m_s: float) -> Tested:
-        """Fuse a velocity, if it passes the gate."""
-        variance = _variance(sigma_m_s)
-        ratio = self._test_ratio(1, velocity_ned_m_s, variance)
-        if ratio <= 1.0:
-            self._fuse(np.array([velocity_ned_m_s]), np.array([[variance]]), _VELOCITY)
-        return Tested(ratio, ratio <= 1.0)
+    def start_bias(self, position_ne_m: Point, sigma_m: float) -> Tested:
+        """The bias is what this GNSS position says, whatever was known of it."""
+        if not math.isfinite(position_ne_m[0] + position_ne_m[1]):
+            return Tested(math.inf, fused=False)
+        x, p = self._filter.x.copy(), self._filter.P.copy()
+        x[_B] = (position_ne_m[0] - x[_P, 0], position_ne_m[1] - x[_P, 1], 0.0)
+        # b = z - p: its error is the measurement's and, turned round, the position's.
+        p[_B, :_B] = p[:_B, _B] = -p[_P, :_B]
+        p[_B, _B] = p[_P, _P] + _variance(sigma_m)
+        self._filter.x, self._filter.P, self._bias_known = x, p, True
+        return Tested(0.0, fused=True)
 
-    def update_height(self, height_m: float, sigma_m: float) -> Tested:
-        """Fuse a height over the surface below into the surface; the first one is taken as it is.
+    def _test(self, measured: Vector3, predicted: list[float], variance: float) -> Tested:
+        """A vector against what was predicted, with the innovation variance of its axes."""
+        (mn, me, md), (pn, pe, pd) = measured, predicted
+        dn, de, dd = mn - pn, me - pe, md - pd
+        return self._judged((dn * dn, de * de, dd * dd), variance)
 
-        A step (a table) is rejected; `start_terrain` accepts it.
-        """
-        if self._terrain_down_m is None:
-            self.start_terrain(height_m, sigma_m)
-            return Tested(0.0 if math.isfinite(height_m) else math.inf, math.isfinite(height_m))
-        noise = _variance(sigma_m) + float(self._filter.P[0, 0])
-        variance = self._terrain_variance_m2 + noise
-        innovation = float(self._filter.x[0, 2]) + height_m - self._terrain_down_m
-        ratio = innovation * innovation / (self._gate2 * variance)
-        if not ratio <= 1.0:
-            return Tested(ratio if math.isfinite(ratio) else math.inf, fused=False)
-        gain = self._terrain_variance_m2 / variance
-        self._terrain_down_m += gain * innovation
-        self._terrain_variance_m2 *= 1.0 - gain
-        return Tested(ratio, fused=True)
-
-    def start_terrain(self, height_m: float, sigma_m: float) -> None:
-        """The surface below is now the one at this height; ignored unless it is a number."""
-        if math.isfinite(height_m):
-            self._terrain_down_m = float(self._filter.x[0, 2]) + height_m
-            self._terrain_variance_m2 = _variance(sigma_m) + float(self._filter.P[0, 0])
-
-    def _test_ratio(self, row: int, measured: Vector3, variance: float) -> float:
-        """Test ratio of a position (`row` 0) or velocity (1)."""
-        n, e, d = self._filter.x[row].tolist()
-        dn, de, dd = measured[0] - n, measured[1] - e, measured[2] - d
+    def _judged(self, squares: tuple[float, ...], variance: float) -> Tested:
+        """`squares` of the innovations, with the innovation variance that they share."""
+        nis = sum(squares) / variance
         # max() may pass over a NaN; the sum does not.
-        if not math.isfinite(dn + de + dd):
-            return math.inf
-        scale: float = self._gate2 * (float(self._filter.P[row, row]) + variance)
-        return float(max(dn * dn, de * de, dd * dd) / scale)
+        if not math.isfinite(nis):
+            return Tested(math.inf, fused=False, nis=math.inf)
+        ratio = max(squares) / (self._gate2 * variance)
+        return Tested(ratio, ratio <= 1.0, nis)
 
     def _fuse(self, measured: Matrix, noise: Matrix, observation: Matrix) -> None:
         # filterpy takes a z with one column for each axis when H is handed over with it.
-        self._filter.update(measured, R=noise, H=observation)
+        self._filter.R = noise
+        self._filter.update(measured, H=observation)
         p = self._filter.P
-        p[0, 1] = p[1, 0] = 0.5 * (p[0, 1] + p[1, 0])
+        p += p.T
+        p *= 0.5
+
+
+def moved(snapshot: Snapshot, offset_ned_m: Vector3) -> Snapshot:
+    """The same in a frame that jumped: what is in it moves, and GNSS stays where it was."""
+    x = snapshot.x.copy()
+    x[_P] += offset_ned_m
+    x[_B] -= (offset_ned_m[0], offset_ned_m[1], 0.0)
+    return snapshot._replace(x=x)
 
 
 def _inverse(s: Matrix) -> Matrix:

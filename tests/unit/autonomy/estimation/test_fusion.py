@@ -1,4 +1,6 @@
 import math
+from collections.abc import Callable
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -7,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from autonomy.config import EstimationConfig
-from autonomy.estimation.fusion import ORIGIN_FIXES, TERRAIN_STEP_READINGS, Fusion
-from autonomy.model import FusedState
+from autonomy.estimation.fusion import Fusion
+from autonomy.estimation.surfaces import STEP_READINGS
+from autonomy.model import FusedState, SourceHealth
 from hal.config import BeamMount, BeamsConfig, six_beams
 from hal.frames import ZERO3, Vector3, add, geodetic_from_ned
 from hal.readings import Attitude, FixType, GnssFix, LocalPosition, RangeReading, RangeStatus
@@ -195,12 +198,36 @@ def test_yaw_is_not_carried_on_for_ever() -> None:
     assert state.yaw_rad == pytest.approx(0.5 + CONFIG.stale_after_s)
 
 
-def test_an_older_reading_that_arrives_late_is_ignored() -> None:
+def test_a_wrong_position_that_arrives_late_is_rejected() -> None:
     estimator = fusion()
     now_s = settle(estimator)
-    before = estimator.step(now_s, local(now_s), attitude(now_s), None, ())
-    after = estimator.step(now_s, local(now_s - 0.5, (9.0, 9.0, 9.0)), attitude(now_s), None, ())
+    before = estimator.step(now_s, local(now_s, (0.0, 0.0, -0.8)), attitude(now_s), None, ())
+    after = estimator.step(now_s, local(now_s - 0.52, (9.0, 9.0, 9.0)), attitude(now_s), None, ())
+    assert after.position_ned_m == pytest.approx(before.position_ned_m, abs=1e-12)
+    assert after.health.position.rejected == 1
+
+
+def test_a_position_of_before_a_reset_says_nothing_any_more() -> None:
+    estimator = fusion()
+    now_s = settle(estimator)
+    moved = (0.5, 0.0, -0.8)
+    before = estimator.step(now_s, local(now_s, moved, counter=1), attitude(now_s), None, ())
+    old = local(now_s - 0.02, (0.0, 0.0, -0.8))
+    after = estimator.step(now_s, old, attitude(now_s), None, ())
     assert after.position_ned_m == before.position_ned_m
+    assert after.health.position == before.health.position
+
+
+def test_a_position_that_comes_too_late_is_counted_and_no_more() -> None:
+    estimator = fusion()
+    now_s = settle(estimator)
+    before = estimator.step(now_s, local(now_s, (0.0, 0.0, -0.8)), attitude(now_s), None, ())
+    for _ in range(3):
+        after = estimator.step(
+            now_s, local(now_s - 1.2, (0.0, 0.0, -0.8)), attitude(now_s), None, ()
+        )
+    assert after.position_ned_m == before.position_ned_m
+    assert after.health.position.rejected == 1
 
 
 # ---------------------------------------------------------------- outliers and resets
@@ -307,24 +334,7 @@ def test_the_first_counter_is_no_reset() -> None:
 # ---------------------------------------------------------------- GNSS
 
 
-def test_the_origin_of_gnss_is_learned_and_its_jump_is_rejected() -> None:
-    estimator = fusion()
-    here = (2.0, 1.0, -0.8)
-    now_s = settle(estimator, 4.0, here)
-    for _ in range(5):
-        state = estimator.step(
-            now_s,
-            local(now_s, here),
-            attitude(now_s),
-            fix(now_s, add(here, (30.0, 0.0, 0.0))),
-            (),
-        )
-        assert state.ok
-        assert state.position_ned_m == pytest.approx(here, abs=1e-6)
-        now_s += TICK_S
-
-
-def test_gnss_steadies_the_position_by_its_floor_and_no_more() -> None:
+def test_gnss_never_moves_the_state_by_more_than_its_bias_lets_it() -> None:
     here = (0.0, 0.0, -0.8)
     with_gnss, without = fusion(), fusion()
     for estimator in (with_gnss, without):
@@ -333,12 +343,11 @@ def test_gnss_steadies_the_position_by_its_floor_and_no_more() -> None:
     reading = local(now_s, here)
     a = with_gnss.step(now_s, reading, attitude(now_s), beside, ())
     b = without.step(now_s, reading, attitude(now_s), None, ())
-    moved_m = a.position_ned_m[0] - b.position_ned_m[0]
-    assert 0.0 < moved_m < 0.5 * b.position_sigma_m**2 / CONFIG.gnss_sigma_floor_m**2
+    assert 0.0 < a.position_ned_m[0] - b.position_ned_m[0] < 0.001
     assert a.position_sigma_m < b.position_sigma_m
 
 
-def test_a_late_fix_is_moved_along_with_the_vehicle() -> None:
+def test_a_late_fix_is_compared_with_where_the_vehicle_was() -> None:
     states = []
     for delay_s in (0.0, 0.4):
         estimator = fusion()
@@ -349,9 +358,12 @@ def test_a_late_fix_is_moved_along_with_the_vehicle() -> None:
             gnss = fix(now_s - delay_s, then) if i % 4 == 0 else None
             reading = local(now_s, at, (0.5, 0.0, 0.0))
             state = estimator.step(now_s, reading, attitude(now_s), gnss, ())
-        states.append(state.position_ned_m[0])
-    assert states[0] == pytest.approx(0.5 * now_s, abs=1e-5)
-    assert states[1] == pytest.approx(states[0], abs=1e-5)
+        states.append(state)
+    assert states[0].position_ned_m[0] == pytest.approx(0.5 * now_s, abs=1e-5)
+    assert states[1].position_ned_m[0] == pytest.approx(states[0].position_ned_m[0], abs=1e-5)
+    assert states[1].health.gnss_bias_ne_m == pytest.approx((0.0, 0.0), abs=1e-3)
+    assert states[1].health.gnss.test_ratio < 1e-5
+    assert states[1].health.late > 0
 
 
 def test_a_fix_counts_once() -> None:
@@ -366,39 +378,47 @@ def test_a_fix_counts_once() -> None:
     assert state == first
 
 
-def test_a_fix_is_believed_by_the_worse_of_its_accuracies() -> None:
+def test_neighbouring_fixes_count_as_one() -> None:
+    estimator = fusion()
+    now_s = settle(estimator, 4.0)
+    for i in range(40):
+        at_s = now_s + i * TICK_S
+        state = estimator.step(
+            at_s, local(at_s, (0.0, 0.0, -0.8)), attitude(at_s), fix(at_s, (0.0, 0.0, -0.8)), ()
+        )
+    assert state.health.gnss.fused == pytest.approx(6.0 / CONFIG.gnss_interval_s, abs=3)
+    assert state.health.gnss.rejected == 0
+
+
+def test_a_fix_is_believed_by_its_horizontal_accuracy_and_never_beyond_the_floor() -> None:
     moved = []
-    for accuracy_m in (0.5, 3.0):
+    for horizontal_m, vertical_m in ((0.01, 0.5), (0.5, 9.0), (3.0, 0.5)):
         estimator = fusion()
         now_s = settle(estimator, 4.0)
         beside = msgspec.structs.replace(
-            fix(now_s, (0.5, 0.0, -0.8)), vertical_accuracy_m=accuracy_m
+            fix(now_s, (0.5, 0.0, -0.8)),
+            horizontal_accuracy_m=horizontal_m,
+            vertical_accuracy_m=vertical_m,
         )
         reading = local(now_s, (0.0, 0.0, -0.8))
-        moved.append(estimator.step(now_s, reading, attitude(now_s), beside, ()).position_ned_m[0])
-    assert 0.0 < moved[1] < 0.05 * moved[0]
+        state = estimator.step(now_s, reading, attitude(now_s), beside, ())
+        assert state.health.gnss_bias_ne_m is not None
+        moved.append(state.health.gnss_bias_ne_m[0])
+    assert moved[0] == moved[1] > 0.0
+    assert 0.0 < moved[2] < 0.1 * moved[0]
 
 
-def test_a_fix_that_comes_too_late_is_ignored() -> None:
+def test_a_fix_that_comes_too_late_is_counted_and_no_more() -> None:
     one, other = fusion(), fusion()
     for estimator in (one, other):
-        now_s = settle(estimator, 4.0) + 1.5
-        estimator.step(now_s, local(now_s, (0.0, 0.0, -0.8)), attitude(now_s), None, ())
-    level, late = attitude(now_s), fix(now_s - 1.1, (0.3, 0.0, -0.8))
-    assert one.step(now_s, None, level, late, ()) == other.step(now_s, None, level, None, ())
-
-
-def test_gnss_is_placed_anew_only_when_the_rejections_are_in_a_row() -> None:
-    estimator = fusion()
-    here = (0.0, 0.0, -0.8)
-    now_s = settle(estimator, 4.0, here)
-    for i in range(6 * CONFIG.reset_after_rejections):
-        ned = here if i % 3 == 0 else add(here, (40.0, 0.0, 0.0))
-        estimator.step(now_s, local(now_s, here), attitude(now_s), fix(now_s, ned), ())
-        now_s += TICK_S
-    nudge = fix(now_s, add(here, (0.5, 0.0, 0.0)))
-    state = estimator.step(now_s, local(now_s, here), attitude(now_s), nudge, ())
-    assert state.position_ned_m[0] > 1e-6
+        now_s = settle(estimator, 4.0)
+        for i in range(30):
+            at_s = now_s + i * TICK_S
+            estimator.step(at_s, local(at_s, (0.0, 0.0, -0.8)), attitude(at_s), None, ())
+    level, late = attitude(at_s), fix(at_s - 1.1, (0.3, 0.0, -0.8))
+    a, b = one.step(at_s, None, level, late, ()), other.step(at_s, None, level, None, ())
+    assert a.position_ned_m == b.position_ned_m
+    assert a.health.gnss.rejected == b.health.gnss.rejected + 1
 
 
 @pytest.mark.parametrize("kind", [FixType.NO_GPS, FixType.NO_FIX, FixType.FIX_2D])
@@ -411,26 +431,12 @@ def test_a_fix_without_position_is_ignored(kind: FixType) -> None:
     assert one.step(now_s, reading, level, bad, ()) == other.step(now_s, reading, level, None, ())
 
 
-def test_gnss_that_contradicts_for_long_is_placed_anew_and_never_moves_the_vehicle() -> None:
+def test_a_fix_from_the_future_is_refused() -> None:
     estimator = fusion()
-    here = (0.0, 0.0, -0.8)
-    now_s = settle(estimator, 4.0, here)
-    elsewhere = add(here, (40.0, -10.0, 3.0))
-    for _ in range(CONFIG.reset_after_rejections + ORIGIN_FIXES + 20):
-        state = estimator.step(
-            now_s, local(now_s, here), attitude(now_s), fix(now_s, elsewhere), ()
-        )
-        assert state.position_ned_m == pytest.approx(here, abs=1e-6)
-        now_s += TICK_S
-    # Placed anew: a fix half a metre beside the new place is believed a little again.
-    nudged = estimator.step(
-        now_s,
-        local(now_s, here),
-        attitude(now_s),
-        fix(now_s, add(elsewhere, (0.5, 0.0, 0.0))),
-        (),
-    )
-    assert nudged.position_ned_m[0] > 1e-6
+    now_s = settle(estimator, 4.0)
+    reading, level = local(now_s, (0.0, 0.0, -0.8)), attitude(now_s)
+    state = estimator.step(now_s, reading, level, fix(now_s + 5.0, (0.0, 0.0, -0.8)), ())
+    assert state.health.gnss.rejected == 1
 
 
 def test_after_a_reset_gnss_belongs_to_the_new_frame() -> None:
@@ -444,6 +450,8 @@ def test_after_a_reset_gnss_belongs_to_the_new_frame() -> None:
         )
         now_s += TICK_S
     assert state.position_ned_m == pytest.approx(moved, abs=1e-6)
+    assert state.health.gnss.rejected == 0
+    assert state.health.gnss_bias_ne_m == pytest.approx((-1.5, 0.0), abs=1e-3)
 
 
 # ---------------------------------------------------------------- height
@@ -526,15 +534,15 @@ def test_over_a_table_the_height_steps_and_the_altitude_does_not() -> None:
     here = (0.0, 0.0, -0.8)
     now_s = settle(estimator, position=here)
     heights = []
-    for _ in range(TERRAIN_STEP_READINGS + 2):
+    for _ in range(STEP_READINGS + 2):
         state = estimator.step(
             now_s, local(now_s, here), attitude(now_s), None, (down(now_s, 0.3),)
         )
         assert state.position_ned_m == pytest.approx(here, abs=1e-6)
         heights.append(state.height_agl_m)
         now_s += TICK_S
-    assert heights[: TERRAIN_STEP_READINGS - 1] == pytest.approx([0.8, 0.8], abs=1e-6)
-    assert heights[TERRAIN_STEP_READINGS - 1 :] == pytest.approx([0.3, 0.3, 0.3], abs=1e-6)
+    assert heights[: STEP_READINGS - 1] == pytest.approx([0.8, 0.8], abs=1e-6)
+    assert heights[STEP_READINGS - 1 :] == pytest.approx([0.3, 0.3, 0.3], abs=1e-6)
 
 
 def test_a_height_counts_once() -> None:
@@ -542,7 +550,7 @@ def test_a_height_counts_once() -> None:
     here = (0.0, 0.0, -0.8)
     now_s = settle(estimator, position=here)
     wrong = down(now_s, 0.3)
-    for _ in range(2 * TERRAIN_STEP_READINGS):
+    for _ in range(2 * STEP_READINGS):
         state = estimator.step(now_s, local(now_s, here), attitude(now_s), None, (wrong,))
         assert state.height_agl_m == pytest.approx(0.8, abs=1e-6)
 
@@ -585,6 +593,364 @@ def test_a_vertical_reset_moves_the_surface_with_the_frame() -> None:
         (down(now_s, 0.8),),
     )
     assert state.height_agl_m == pytest.approx(0.8, abs=1e-6)
+
+
+# ---------------------------------------------------------------- ceiling, steps, altitude
+
+
+def up(stamp_s: float, range_m: float) -> RangeReading:
+    return down(stamp_s, range_m, name="up")
+
+
+def over(
+    estimator: Fusion, start_s: float, rows: list[tuple[float, float, float]]
+) -> list[FusedState]:
+    """Feed (altitude, range below, range above), one row a tick."""
+    states = []
+    for i, (altitude_m, below_m, above_m) in enumerate(rows):
+        now_s = start_s + i * TICK_S
+        reading = local(now_s, (0.0, 0.0, -altitude_m))
+        beams = (down(now_s, below_m), up(now_s, above_m))
+        states.append(estimator.step(now_s, reading, attitude(now_s), None, beams))
+    return states
+
+
+def told(states: list[FusedState]) -> list[str]:
+    return [event.name for state in states for event in state.news]
+
+
+def test_the_room_above_is_measured_from_the_centre_and_without_tilt() -> None:
+    mount = BeamMount(name="up", pitch_deg=90.0, down_m=-0.04)
+    beams = BeamsConfig(mounts=(*six_beams()[:4], mount))
+    state = fusion(beams=beams).step(0.0, local(0.0), attitude(0.0), None, (up(0.0, 0.5),))
+    assert state.room_above_m == pytest.approx(0.54)
+    assert state.height_agl_m is None
+    tilted = fusion().step(0.0, local(0.0), attitude(0.0, roll=0.3), None, (up(0.0, 0.5),))
+    assert tilted.room_above_m == pytest.approx(0.5 * math.cos(0.3))
+
+
+def test_over_a_box_the_floor_steps_and_back_again_and_it_is_told() -> None:
+    estimator = fusion()
+    plain, box = [(0.8, 0.8, 0.6)] * 10, [(0.8, 0.4, 0.6)] * 10
+    states = over(estimator, 0.0, [*plain, *box, *plain])
+    assert told(states) == ["floor_step", "floor_step"]
+    words = [event.why for state in states for event in state.news]
+    assert words == ["the floor is 0.40 m higher here", "the floor is 0.40 m lower here"]
+    assert all(state.position_ned_m[2] == pytest.approx(-0.8, abs=1e-6) for state in states)
+    assert states[19].height_agl_m == pytest.approx(0.4, abs=1e-6)
+    assert states[19].room_above_m == pytest.approx(0.6, abs=1e-6)
+    assert states[-1].height_agl_m == pytest.approx(0.8, abs=1e-6)
+    assert (states[-1].health.floor_steps, states[-1].health.ceiling_steps) == (2, 0)
+
+
+def test_under_a_beam_the_ceiling_steps_and_the_altitude_does_not() -> None:
+    estimator = fusion()
+    states = over(estimator, 0.0, [*[(0.8, 0.8, 0.9)] * 10, *[(0.8, 0.8, 0.5)] * 12])
+    assert [e.why for s in states for e in s.news] == ["the ceiling is 0.40 m lower here"]
+    assert all(state.position_ned_m[2] == pytest.approx(-0.8, abs=1e-6) for state in states)
+    assert states[-1].room_above_m == pytest.approx(0.5, abs=1e-6)
+
+
+def test_climbing_is_no_step() -> None:
+    estimator = fusion()
+    rows = [(0.4 + 0.02 * i, 0.4 + 0.02 * i, 0.9 - 0.02 * i) for i in range(25)]
+    for i, (altitude_m, _, _) in enumerate(rows):
+        now_s = i * TICK_S
+        reading = local(now_s, (0.0, 0.0, -altitude_m), (0.0, 0.0, -0.4))
+        # The beams are late by a tick: they say what was true then.
+        late = rows[max(0, i - 1)]
+        beams = (down(now_s - TICK_S, late[1]), up(now_s - TICK_S, late[2]))
+        state = estimator.step(now_s, reading, attitude(now_s), None, beams)
+    assert state.health.floor_steps == state.health.ceiling_steps == 0
+    assert state.height_agl_m == pytest.approx(rows[-1][1], abs=1e-3)
+    assert state.room_above_m == pytest.approx(rows[-1][2], abs=1e-3)
+
+
+def test_a_box_on_the_floor_below_a_beam_on_the_ceiling_is_two_steps() -> None:
+    states = over(fusion(), 0.0, [*[(0.8, 0.8, 0.9)] * 10, *[(0.8, 0.4, 0.4)] * 12])
+    assert sorted(told(states)) == ["ceiling_step", "floor_step"]
+
+
+def test_an_altitude_that_jumps_against_floor_and_ceiling_is_no_two_steps() -> None:
+    """A frame that jumps and does not own up to it: the altitude follows it, and it is told."""
+    states = over(fusion(), 0.0, [*[(0.8, 0.8, 0.9)] * 20, *[(0.88, 0.8, 0.9)] * 60])
+    assert "floor_step" not in told(states)
+    assert states[-1].position_ned_m[2] == pytest.approx(-0.88, abs=0.01)
+    assert states[-1].height_agl_m == pytest.approx(0.8, abs=0.02)
+
+
+def test_an_altitude_that_drifts_against_floor_and_ceiling_is_told() -> None:
+    rows = [(0.8 + 0.001 * i, 0.8, 0.9) for i in range(250)]
+    states = over(fusion(), 0.0, rows)
+    assert told(states) == ["altitude_drift"]
+    why = next(event.why for state in states for event in state.news)
+    assert why == "the autopilot's altitude drifted 0.15 m up against floor and ceiling"
+    assert states[-1].height_agl_m == pytest.approx(0.8, abs=0.03)
+
+
+def test_readings_that_fit_neither_the_floor_nor_each_other_are_no_floor() -> None:
+    estimator = fusion()
+    over(estimator, 0.0, [(0.8, 0.8, 0.9)] * 10)
+    states = over(estimator, 0.5, [(0.8, (0.1, 0.45)[i % 2], 0.9) for i in range(20)])
+    assert told(states) == []
+    assert states[-1].height_agl_m is None
+
+
+def test_a_vertical_jump_of_the_frame_moves_the_ceiling_too() -> None:
+    estimator = fusion()
+    over(estimator, 0.0, [(0.8, 0.8, 0.6)] * 10)
+    reading = local(0.5, (0.0, 0.0, -1.3), counter=1)
+    state = estimator.step(0.5, reading, attitude(0.5), None, (down(0.5, 0.8), up(0.5, 0.6)))
+    assert state.room_above_m == pytest.approx(0.6, abs=1e-6)
+    assert [event.name for event in state.news] == ["frame_jump"]
+
+
+# ---------------------------------------------------------------- GNSS that errs
+
+
+def with_gnss(
+    estimator: Fusion,
+    seconds: float,
+    off: Callable[[float], Vector3 | None],
+    *,
+    start_s: float = 0.0,
+    accuracy_m: float = 0.8,
+    here: Vector3 = (1.0, 2.0, -0.8),
+) -> list[FusedState]:
+    """A vehicle at rest, with GNSS at 5 Hz that is `off` by so much then; None: silent."""
+    states = []
+    for i in range(round(seconds / TICK_S)):
+        now_s = start_s + i * TICK_S
+        error = off(now_s) if i % 4 == 0 else None
+        gnss = fix(now_s - 0.1, add(here, error), accuracy_m=accuracy_m) if error else None
+        states.append(estimator.step(now_s, local(now_s, here), attitude(now_s), gnss, ()))
+    return states
+
+
+def furthest_m(states: list[FusedState], here: Vector3 = (1.0, 2.0, -0.8)) -> float:
+    return max(math.dist(state.position_ned_m, here) for state in states)
+
+
+def test_gnss_that_is_lost_grows_old_and_changes_nothing() -> None:
+    states = with_gnss(fusion(), 20.0, lambda s: ZERO3 if s < 10.0 else None)
+    assert furthest_m(states) < 1e-6
+    assert all(state.ok for state in states)
+    assert states[-1].health.gnss.age_s == pytest.approx(10.0, abs=0.5)
+
+
+def test_gnss_that_jumps_is_rejected_then_told_and_learned_anew() -> None:
+    states = with_gnss(fusion(), 20.0, lambda s: (30.0, 40.0, 0.0) if s > 10.0 else ZERO3)
+    assert furthest_m(states) < 1e-6
+    health = states[-1].health
+    assert health.gnss.rejected == CONFIG.reset_after_rejections
+    assert health.gnss.test_ratio < 1.0
+    assert health.gnss_apart_m == pytest.approx(50.0, abs=0.2)
+    events = [event for state in states for event in state.news]
+    assert [event.name for event in events] == ["gnss_jump", "gnss_drift"]
+    assert "GNSS jumped by 50.0 m against the autopilot" in events[0].why
+    assert 11.5 < events[0].stamp_s < 12.5
+
+
+@pytest.mark.parametrize("speed_m_s", [0.05, 0.2, 1.0])
+def test_gnss_that_drifts_slowly_drags_nothing_and_is_noticed(speed_m_s: float) -> None:
+    """As somebody does who spoofs it: no fix is far from the one before."""
+    begin_s = 10.0
+    states = with_gnss(
+        fusion(), 120.0, lambda s: (0.0, speed_m_s * max(0.0, s - begin_s), 0.0), accuracy_m=0.8
+    )
+    assert furthest_m(states) < 0.005
+    assert all(state.ok for state in states)
+    first = next(event for state in states for event in state.news)
+    assert first.name == "gnss_drift"
+    assert "drifted apart by 2." in first.why
+    lag_s = 12.0
+    assert first.stamp_s < begin_s + 2.5 / speed_m_s + lag_s
+    bias = states[-1].health.gnss_bias_ne_m
+    assert bias is not None
+    assert bias[1] == pytest.approx(speed_m_s * 110.0, rel=0.08)
+
+
+def test_the_drift_is_told_at_each_doubling_and_again_when_it_is_over() -> None:
+    """Not at every fix."""
+    states = with_gnss(
+        fusion(), 200.0, lambda s: (0.2 * max(0.0, min(s, 160.0 - s)), 0.0, 0.0), accuracy_m=0.5
+    )
+    words = [event.why for state in states for event in state.news]
+    assert 4 <= len(words) <= 6
+    assert "agree again" in words[-1]
+    assert all("drifted apart" in each for each in words[:-1])
+
+
+def test_a_receiver_that_claims_little_may_wander_further() -> None:
+    states = with_gnss(
+        fusion(), 120.0, lambda s: (0.1 * max(0.0, s - 10.0), 0.0, 0.0), accuracy_m=5.0
+    )
+    assert told(states) == []
+
+
+def test_multipath_that_wanders_within_its_accuracy_moves_nothing() -> None:
+    rng = np.random.default_rng(3)
+    at = [0.0, 0.0]
+
+    def off(_: float) -> Vector3:
+        for axis in (0, 1):
+            at[axis] = 0.98 * at[axis] + 0.6 * float(rng.normal())
+        return (at[0], at[1], 0.0)
+
+    states = with_gnss(fusion(), 120.0, off, accuracy_m=4.0)
+    assert furthest_m(states) < 0.01
+    assert states[-1].health.gnss.rejected == 0
+
+
+def test_a_reset_that_the_autopilot_owns_up_to_is_no_drift() -> None:
+    here, moved = (1.0, 2.0, -0.8), (9.0, 2.0, -0.8)
+    estimator = fusion()
+    with_gnss(estimator, 10.0, lambda _: ZERO3)
+    states = []
+    for i in range(200):
+        now_s = 10.0 + i * TICK_S
+        gnss = fix(now_s, here) if i % 4 == 0 else None
+        states.append(
+            estimator.step(now_s, local(now_s, moved, counter=1), attitude(now_s), gnss, ())
+        )
+    assert told(states) == ["frame_jump"]
+    assert states[0].frame_shift_ned_m == pytest.approx((8.0, 0.0, 0.0), abs=1e-6)
+    assert states[-1].health.gnss_apart_m == pytest.approx(0.0, abs=0.01)
+    assert states[-1].health.gnss.rejected == 0
+
+
+def test_while_the_estimator_is_silent_gnss_carries_nothing() -> None:
+    estimator = fusion()
+    with_gnss(estimator, 10.0, lambda _: ZERO3)
+    for i in range(40):
+        now_s = 10.0 + i * TICK_S
+        state = estimator.step(now_s, None, attitude(now_s), fix(now_s, (1.0, 2.0, -0.8)), ())
+    assert not state.ok
+    assert state.stamp_s < 10.0 + CONFIG.stale_after_s
+    here = (1.2, 2.0, -0.8)
+    state = estimator.step(12.0, local(12.0, here), attitude(12.0), None, ())
+    assert state.ok
+    assert state.position_ned_m == here
+    assert state.health.restarts == 1
+    assert (
+        state.news[0].why == "the position filter began anew: local position was silent for 2.0 s"
+    )
+
+
+# ---------------------------------------------------------------- what is told of the filter
+
+
+def test_every_source_is_counted_with_its_newest_test_ratio() -> None:
+    estimator = fusion()
+    now_s = settle(estimator, 2.0)
+    off = (0.4, 0.0, -0.8)
+    state = estimator.step(
+        now_s, local(now_s, off), attitude(now_s), None, (down(now_s, 0.3), up(now_s, 0.5))
+    )
+    health = state.health
+    assert (health.position.fused, health.position.rejected) == (40, 1)
+    assert health.position.test_ratio > 1.0
+    assert health.position.age_s == pytest.approx(TICK_S)
+    assert (health.velocity.fused, health.velocity.rejected) == (41, 0)
+    assert health.velocity.test_ratio == 0.0
+    assert health.gnss.fused == 5
+    assert (health.floor.fused, health.floor.rejected) == (40, 1)
+    assert health.floor.test_ratio > 1.0
+    assert health.ceiling == SourceHealth(0.0, 1, 0, 0.0)
+
+
+def test_against_the_room_the_position_grows_uncertain_as_configured() -> None:
+    config = EstimationConfig(drift_noise_m_per_sqrt_s=0.02)
+    estimator = fusion(config)
+    now_s = settle(estimator, 100.0)
+    state = estimator.step(now_s, local(now_s, (0.0, 0.0, -0.8)), attitude(now_s), None, ())
+    expected = math.hypot(0.02 * math.sqrt(100.0), state.position_sigma_m)
+    assert state.health.room_sigma_m == pytest.approx(expected, abs=1e-4)
+    assert state.position_sigma_m < 0.02
+
+
+def test_a_filter_whose_numbers_run_over_begins_anew_and_says_so() -> None:
+    """A defect elsewhere must not ground the estimator for ever."""
+    estimator = fusion()
+    estimator.step(0.0, local(0.0, ZERO3, (1.7e308, 0.0, 0.0)), attitude(0.0), fix(0.0), ())
+    here = (1.0, 2.0, -0.8)
+    states = []
+    for i in range(1, 40):
+        now_s = i * 0.9
+        states.append(
+            estimator.step(now_s, local(now_s, here), attitude(now_s), fix(now_s, here), ())
+        )
+    assert states[-1].position_ned_m == pytest.approx(here)
+    assert states[-1].health.restarts == 1
+    assert states[-1].health.gnss_bias_ne_m is not None
+    assert [e.why for s in states for e in s.news] == [
+        "the position filter began anew: its numbers ran over"
+    ]
+
+
+# ---------------------------------------------------------------- delays
+
+
+class Flown(NamedTuple):
+    """What was measured on a flight, each with the time at which it was true."""
+
+    locals: list[LocalPosition]
+    fixes: list[GnssFix]
+
+
+def flown(seed: int, seconds: float = 8.0) -> Flown:
+    rng = np.random.default_rng(seed)
+    locals_, fixes = [], []
+    for i in range(round(seconds / TICK_S)):
+        t = i * TICK_S
+        n, e, d, vn, ve, vd = (float(v) for v in rng.normal(0.0, 0.02, 6))
+        position = (0.3 * math.sin(t) + n, 0.2 * t + e, d - 0.8)
+        locals_.append(local(t, position, (0.3 * math.cos(t) + vn, 0.2 + ve, vd)))
+        if i % 8 == 3:
+            gn, ge = (float(v) for v in rng.normal(0.0, 1.0, 2))
+            fixes.append(fix(t + 0.01, (position[0] + gn, position[1] + ge, -0.8), accuracy_m=1.0))
+    return Flown(locals_, fixes)
+
+
+def arriving(measured: Flown, gnss_delay_s: float, late: frozenset[int]) -> FusedState:
+    """The last state when fixes come so late, and some local positions after their successor."""
+    estimator = fusion()
+    gnss = None
+    waiting = list(measured.fixes)
+    order = list(range(len(measured.locals)))
+    for i in sorted(late):
+        order[i], order[i + 1] = order[i + 1], order[i]
+    end_s = measured.locals[-1].stamp_s
+    for i, index in enumerate(order):
+        now_s = i * TICK_S + 0.02
+        if waiting and waiting[0].stamp_s + gnss_delay_s <= now_s:
+            gnss = waiting.pop(0)
+        state = estimator.step(now_s, measured.locals[index], attitude(now_s), gnss, ())
+    for each in waiting:
+        state = estimator.step(end_s + 0.02, None, attitude(end_s), each, ())
+    return state
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    st.integers(0, 10_000),
+    st.floats(0.0, 0.6),
+    st.frozensets(st.integers(2, 78).map(lambda i: 2 * i), max_size=6),
+)
+def test_the_order_of_arrival_changes_nothing(
+    seed: int, gnss_delay_s: float, late: frozenset[int]
+) -> None:
+    measured = flown(seed)
+    prompt, delayed = (
+        arriving(measured, 0.0, frozenset()),
+        arriving(measured, gnss_delay_s, late),
+    )
+    assert delayed.position_ned_m == pytest.approx(prompt.position_ned_m, abs=1e-9)
+    assert delayed.velocity_ned_m_s == pytest.approx(prompt.velocity_ned_m_s, abs=1e-9)
+    assert delayed.position_sigma_m == pytest.approx(prompt.position_sigma_m, rel=1e-9)
+    assert delayed.health.gnss_bias_ne_m == pytest.approx(prompt.health.gnss_bias_ne_m, abs=2e-3)
+    assert delayed.health.gnss.fused == prompt.health.gnss.fused == len(measured.fixes)
+    assert delayed.health.late >= len(late)
 
 
 # ---------------------------------------------------------------- properties
