@@ -32,7 +32,7 @@ class Event(msgspec.Struct, frozen=True):
 # ---------------------------------------------------------------- estimation
 
 
-class SourceHealth(msgspec.Struct, frozen=True, gc=False):
+class SourceHealth(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
     """How the estimator gets on with one source of measurements.
 
     `test_ratio` is the newest one's (at most 1: fused; 1e6 stands for what is no number), `age_s`
@@ -48,7 +48,7 @@ class SourceHealth(msgspec.Struct, frozen=True, gc=False):
 UNHEARD = SourceHealth()
 
 
-class FilterHealth(msgspec.Struct, frozen=True, gc=False):
+class FilterHealth(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
     """What the estimator is made of, for people: nothing is decided by it.
 
     `gnss_bias_ne_m` is GNSS less local position (nothing at the first fix), `gnss_apart_m` how far

@@ -6,7 +6,7 @@ import msgspec
 
 from autonomy.errors import ExitCode
 from autonomy.mission.flown import FlownLeg, by_radius
-from autonomy.model import Ending
+from autonomy.model import SOURCES, Ending, FilterHealth
 from autonomy.t3drm.bound import PathBound
 from autonomy.t3drm.timing import TimingRecord
 from hal.frames import Vector3
@@ -93,6 +93,8 @@ class FlightReport(msgspec.Struct, frozen=True):
     """Heights above the take-off point of the stretches of way, in the order flown."""
     guard_limits: dict[str, int] = msgspec.field(default_factory=dict)
     """How many ticks each rule of the guard changed the setpoint."""
+    estimator: FilterHealth | None = None
+    """How the position filter had got on by the end."""
     late_ticks: int = 0
     events: tuple[tuple[float, str, str], ...] = ()
     log_path: str | None = None
@@ -175,6 +177,8 @@ def report_rows(report: FlightReport) -> list[tuple[str, str]]:
     if report.guard_limits:
         limits = ", ".join(f"{name} {ticks}" for name, ticks in sorted(report.guard_limits.items()))
         rows.append(("guard, ticks", limits))
+    if report.estimator is not None:
+        rows.append(("estimator", _estimator(report.estimator)))
     if report.late_ticks:
         rows.append(("late ticks", str(report.late_ticks)))
     if report.scenario is not None:
@@ -219,6 +223,23 @@ def _clearance(report: FlightReport) -> str:
         f"{report.minimum_clearance_m:.3f} m at least, from the centre ({kind}); "
         f"{skin_m:.3f} m from the body"
     )
+
+
+def _estimator(health: FilterHealth) -> str:
+    """What was fused and rejected; what else is out of the ordinary."""
+    sources = [(name, getattr(health, name)) for name in SOURCES]
+    words = [
+        f"{name} {each.fused} fused, {each.rejected} rejected"
+        for name, each in sources
+        if each.fused or each.rejected
+    ]
+    if health.gnss_apart_m is not None:
+        words.append(f"GNSS {health.gnss_apart_m:.1f} m apart from the autopilot")
+    if health.frame_jumps:
+        words.append(f"frame jumps {health.frame_jumps}")
+    if health.restarts:
+        words.append(f"filter restarts {health.restarts}")
+    return "; ".join(words) if words else "heard nothing"
 
 
 def _planning(timing: TimingRecord) -> str:

@@ -11,7 +11,16 @@ from autonomy.config import Config
 from autonomy.geometry import Point, distance, polyline_length
 from autonomy.mission.flown import FlownLegs
 from autonomy.mission.machine import OFFBOARD_STATES, PATH_STATES
-from autonomy.model import Command, Decision, Event, Inputs, MissionState, Outcome, Plan
+from autonomy.model import (
+    Command,
+    Decision,
+    Event,
+    FilterHealth,
+    Inputs,
+    MissionState,
+    Outcome,
+    Plan,
+)
 from autonomy.planning_time import PlanningTime
 from autonomy.report import EXIT_CODES, FlightReport
 from autonomy.t3drm.bound import BoundTally
@@ -42,6 +51,7 @@ class Tally:
     guard_limits: Counter[str] = field(default_factory=Counter)
     events: list[Event] = field(default_factory=list)
     track: list[Point] = field(default_factory=list)
+    health: FilterHealth | None = None
     stretches: list[tuple[float, list[Point]]] = field(default_factory=list)
     """(height above the take-off point, track) of every stretch of way at one height."""
     _airborne_s: float | None = None
@@ -55,6 +65,8 @@ class Tally:
         self.planning.note(decision, step_s)
         self._note_plan(decision)
         fused = decision.fused
+        if fused is not None:
+            self.health = fused.health
         if fused is None or not fused.ok or not inputs.status.armed:
             return
         if inputs.status.landed is LandedState.ON_GROUND:
@@ -136,6 +148,7 @@ class Tally:
             leg_kinds=tuple(self.leg_kinds),
             heights_m=tuple(height_m for height_m, _ in self.stretches),
             guard_limits=dict(self.guard_limits),
+            estimator=self.health,
             late_ticks=self.late_ticks,
             events=tuple((event.stamp_s, event.name, event.why) for event in self.events),
             log_path=log_path,

@@ -100,6 +100,7 @@ class Pilot:
         self._last_s = inputs.now_s
         entered_s = inputs.now_s if self._entered_s is None else self._entered_s
         tick = Tick(inputs, fused, dt_s, self._state, entered_s)
+        tick.events.extend(fused.news)
         tick.returning = self._returning.begun
         return tick
 

@@ -7,13 +7,17 @@ from typing import Any
 
 from autonomy import pictures
 from autonomy.config import Config
-from autonomy.model import MissionState, ObstacleKind, Plan
+from autonomy.model import SOURCES, MissionState, ObstacleKind, Plan
 from autonomy.pictures import BLUE, GREEN, INK, LOW, ORANGE, PURPLE, SKY, SOLID_EDGE, VERMILION
 from autonomy.review.history import History, Moment, Replan
 from hal.sim.scenario import Scenario, load_scenario
 
 POINTS_MAX = 2000
 """More moments than this are thinned for the curves: a page should open on a phone."""
+SILENT_S = 1.0
+"""A source that was fused this long ago has no test ratio to draw."""
+RATIO_SHOWN = 1e-4
+"""Smaller test ratios are drawn as this: a logarithm has no zero."""
 STATE_COLOURS: dict[MissionState, str] = {
     MissionState.CRUISE: "#cfe8dc",
     MissionState.FOLLOW: "#cfe3f2",
@@ -79,6 +83,37 @@ def timeline_svg(history: History) -> str:
     for axes in (fast, near):
         axes.legend(loc="upper left", fontsize=8, frameon=False, ncols=3)
     _mark_guard(fast, history)
+    return _svg(figure)
+
+
+def heard(history: History) -> tuple[str, ...]:
+    """The sources that the position filter heard in this flight."""
+    last = history.moments[-1].health
+    each = ((name, getattr(last, name)) for name in SOURCES)
+    return tuple(name for name, source in each if source.fused or source.rejected)
+
+
+def estimator_svg(history: History) -> str:
+    """The test ratio of every source over the flight, with the gate at 1."""
+    figure, axes = pictures.new_figure(size=(9.0, 2.6))
+    moments = _thinned(history.moments)
+    times = [m.now_s - history.start_s for m in moments]
+    colours = dict(zip(SOURCES, (INK, BLUE, ORANGE, GREEN, PURPLE), strict=True))
+    for name in heard(history):
+        sources = [getattr(m.health, name) for m in moments]
+        ratios = [
+            math.nan if s.age_s is None or s.age_s > SILENT_S else max(s.test_ratio, RATIO_SHOWN)
+            for s in sources
+        ]
+        axes.plot(times, ratios, color=colours[name], lw=0.9, label=name)
+    axes.axhline(1.0, color=VERMILION, lw=0.9, ls="--")
+    axes.set_yscale("log")
+    axes.set_ylabel("test ratio")
+    axes.set_xlabel("seconds since the first tick")
+    axes.grid(visible=True, color=LOW, lw=0.5)
+    axes.legend(loc="upper left", fontsize=8, frameon=False, ncols=len(SOURCES))
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, max(high, 2.0) * 8.0)  # room for the legend
     return _svg(figure)
 
 

@@ -19,7 +19,15 @@ from autonomy.geometry import Point
 from autonomy.logbook import recorded_config
 from autonomy.mission.guarded import GuardedPilot
 from autonomy.mission.machine import OFFBOARD_STATES
-from autonomy.model import Command, Event, MissionState, NoPlan, Outcome, Plan
+from autonomy.model import (
+    Command,
+    Event,
+    FilterHealth,
+    MissionState,
+    NoPlan,
+    Outcome,
+    Plan,
+)
 from autonomy.t3drm.classification import Linkage
 from hal.frames import Vector3
 from hal.interfaces import SeenSpace
@@ -50,6 +58,7 @@ class Moment(msgspec.Struct, frozen=True):
     asked_ned_m_s: Vector3 | None
     sent_ned_m_s: Vector3 | None
     events: tuple[Event, ...]
+    health: FilterHealth
 
     @property
     def speed_m_s(self) -> float:
@@ -158,6 +167,7 @@ def _note(history: History, command: Command, guarded: GuardedPilot, step_s: flo
             asked_ned_m_s=decision.setpoint.velocity_ned_m_s if decision.setpoint else None,
             sent_ned_m_s=command.setpoint.velocity_ned_m_s if command.setpoint else None,
             events=decision.events,
+            health=fused.health if fused is not None else FilterHealth(),
         )
     )
     history.limits.update(command.guard.limits)

@@ -7,9 +7,16 @@ from string import Template
 
 from autonomy import __version__
 from autonomy.errors import BadInput
+from autonomy.model import SOURCES
 from autonomy.report import FlightReport, report_rows
 from autonomy.review.explain import DOING, plan_words
-from autonomy.review.figures import map_svg, persistence_svg, timeline_svg
+from autonomy.review.figures import (
+    estimator_svg,
+    heard,
+    map_svg,
+    persistence_svg,
+    timeline_svg,
+)
 from autonomy.review.history import History, history_of
 from autonomy.review.invariants import Verdict, check
 from hal.vehicle.guard import WORDS
@@ -48,6 +55,9 @@ _PAGE = Template("""<!doctype html>
 <section><h2>Speed and distance</h2>
 <p class="quiet">Bands: green straight at the goal, blue following a plan, orange stopping, yellow
 looking round, pink holding. Red ticks: the guard changed the setpoint.</p>$timeline</section>
+<section><h2>The position filter</h2>
+<p class="quiet">Innovation squared against its gate: what is over the dashed line was
+rejected.</p>$estimator</section>
 <section><h2>Every plan</h2>
 <p class="quiet">Each bar is a hit's component: it is born at radius 0 and ends where it merges with
 a neighbour. What reaches over the dashed line, the keep-out radius, is an obstacle of its own
@@ -90,6 +100,7 @@ def page_of(history: History, report: FlightReport) -> str:
         numbers=_table((), numbers),
         invariants=_invariants(verdicts),
         timeline=timeline_svg(history),
+        estimator=_estimator(history),
         barcodes="".join(_barcode(history, number) for number in range(len(history.replans))),
         plans=_plans(history, report),
         events=_events(history),
@@ -112,6 +123,28 @@ def _invariants(verdicts: Sequence[Verdict]) -> str:
         when = "" if verdict.at_s is None else f"{verdict.at_s:.2f} s"
         rows.append((word, escape(verdict.promise), left, when))
     return _html_table(("", "promise", "least left", "at"), rows)
+
+
+def _estimator(history: History) -> str:
+    """Test ratios over the flight, and what came of every source."""
+    names = heard(history)
+    if not names:
+        return "<p>The log says nothing of it.</p>"
+    last = history.moments[-1].health
+    rows = []
+    for name in SOURCES:
+        source = getattr(last, name)
+        if name in names:
+            worst = max(getattr(m.health, name).test_ratio for m in history.moments)
+            rows.append((name, str(source.fused), str(source.rejected), f"{worst:.3g}"))
+    table = _table(("source", "fused", "rejected", "largest test ratio"), rows)
+    words = [f"the floor stepped {last.floor_steps}, the ceiling {last.ceiling_steps} times"]
+    words.append(
+        f"the frame jumped {last.frame_jumps}, the filter began anew {last.restarts} times"
+    )
+    if last.gnss_apart_m is not None:
+        words.append(f"at the end GNSS was {last.gnss_apart_m:.2f} m off where it had been")
+    return f"{estimator_svg(history)}{table}<p>{escape('; '.join(words))}.</p>"
 
 
 def _barcode(history: History, number: int) -> str:

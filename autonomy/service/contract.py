@@ -83,6 +83,28 @@ class BeamView(msgspec.Struct, frozen=True):
     bearing_rad: float | None = None
 
 
+class SourceView(msgspec.Struct, frozen=True):
+    """One source of the position filter. A `test_ratio` above 1 was rejected."""
+
+    name: str
+    """position, velocity, gnss, floor, ceiling."""
+    test_ratio: float
+    fused: int
+    rejected: int
+    age_s: float | None
+
+
+class FilterView(msgspec.Struct, frozen=True):
+    """How the position filter gets on."""
+
+    sources: tuple[SourceView, ...]
+    position_sigma_m: float
+    room_sigma_m: float | None
+    gnss_apart_m: float | None
+    frame_jumps: int
+    restarts: int
+
+
 class VehicleView(msgspec.Struct, frozen=True):
     """The vehicle as far as it is known."""
 
@@ -98,6 +120,10 @@ class VehicleView(msgspec.Struct, frozen=True):
     landed: str
     battery: float | None
     link_age_s: float
+    height_agl_m: float | None = None
+    """Over the surface below."""
+    room_above_m: float | None = None
+    """Below the ceiling."""
 
 
 class GuardView(msgspec.Struct, frozen=True):
@@ -134,6 +160,8 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     beams: tuple[BeamView, ...]
     guard: GuardView | None
     flight: FlightView | None
+    filter: FilterView | None = None
+    """None while nothing is flown."""
 
 
 class Room(msgspec.Struct, frozen=True, tag="room"):

@@ -13,7 +13,7 @@ from prometheus_client.core import (
 from prometheus_client.registry import Collector
 
 from autonomy import __version__
-from autonomy.model import Command, Inputs, MissionState
+from autonomy.model import SOURCES, Command, FilterHealth, FusedState, Inputs, MissionState
 from autonomy.service.contract import MissionRecord, Phase
 from autonomy.service.station import Station
 from hal.readings import RangeStatus
@@ -157,10 +157,56 @@ class _Newest(Collector):
         yield _gauge("autonomy_stops", "Stops of this flight.", decision.stops)
         yield _gauge("autonomy_replans", "Replans of this flight.", decision.replans)
         if decision.fused is not None:
-            sigma_m = decision.fused.position_sigma_m
-            if math.isfinite(sigma_m):
-                yield _gauge("autonomy_position_sigma_metres", "Of the estimate.", sigma_m)
-            yield _gauge("autonomy_position_ok", "1 when it may be flown by.", decision.fused.ok)
+            yield from _of_estimate(decision.fused)
+
+
+def _of_estimate(fused: FusedState) -> Iterator[Metric]:
+    """Counts begin anew with every mission, as Prometheus expects of a restart."""
+    if math.isfinite(fused.position_sigma_m):
+        yield _gauge("autonomy_position_sigma_metres", "Of the estimate.", fused.position_sigma_m)
+    yield _gauge("autonomy_position_ok", "1 when it may be flown by.", fused.ok)
+    if fused.height_agl_m is not None:
+        yield _gauge("autonomy_height_metres", "Over the surface below.", fused.height_agl_m)
+    if fused.room_above_m is not None:
+        yield _gauge("autonomy_room_above_metres", "Below the ceiling.", fused.room_above_m)
+    yield from _of_filter(fused.health)
+
+
+def _of_filter(health: FilterHealth) -> Iterator[Metric]:
+    ratios = GaugeMetricFamily(
+        "autonomy_filter_test_ratio",
+        "Innovation against its gate, newest measurement; above 1 it is rejected.",
+        labels=["source"],
+    )
+    ages = GaugeMetricFamily(
+        "autonomy_filter_age_seconds", "Age of the newest one fused.", labels=["source"]
+    )
+    tested = CounterMetricFamily(
+        "autonomy_filter_measurements", "Fused and rejected.", labels=["source", "verdict"]
+    )
+    for name in SOURCES:
+        source = getattr(health, name)
+        if not source.fused and not source.rejected:
+            continue
+        ratios.add_metric([name], source.test_ratio)
+        if source.age_s is not None:
+            ages.add_metric([name], source.age_s)
+        tested.add_metric([name, "fused"], source.fused)
+        tested.add_metric([name, "rejected"], source.rejected)
+    yield from (ratios, ages, tested)
+    if health.gnss_apart_m is not None:
+        text = "How far GNSS and the autopilot have drifted apart."
+        yield _gauge("autonomy_gnss_apart_metres", text, health.gnss_apart_m)
+    steps = CounterMetricFamily("autonomy_surface_steps", "Steps found.", labels=["surface"])
+    steps.add_metric(["floor"], health.floor_steps)
+    steps.add_metric(["ceiling"], health.ceiling_steps)
+    yield steps
+    resets = CounterMetricFamily(
+        "autonomy_filter_resets", "Jumps of the frame, restarts.", labels=["what"]
+    )
+    resets.add_metric(["frame_jump"], health.frame_jumps)
+    resets.add_metric(["restart"], health.restarts)
+    yield resets
 
 
 def _gauge(name: str, text: str, value: float) -> Metric:

@@ -6,9 +6,10 @@ import numpy as np
 
 from autonomy.config import Config
 from autonomy.geometry import Point
-from autonomy.model import NoPlan, Obstacle
+from autonomy.model import SOURCES, FusedState, NoPlan, Obstacle
 from autonomy.service.contract import (
     BeamView,
+    FilterView,
     FlightView,
     GuardView,
     Hits,
@@ -16,6 +17,7 @@ from autonomy.service.contract import (
     ObstacleView,
     PlanView,
     Room,
+    SourceView,
     State,
     Track,
     VehicleView,
@@ -54,6 +56,27 @@ def state(station: Station) -> State:
         beams=beams(station.config, instant, vehicle),
         guard=guard,
         flight=_flight(instant, drawn),
+        filter=estimate(command.decision.fused) if command is not None else None,
+    )
+
+
+def estimate(fused: FusedState | None) -> FilterView | None:
+    """The filter's sources, as far as they were heard."""
+    if fused is None:
+        return None
+    health = fused.health
+    sources = [(name, getattr(health, name)) for name in SOURCES]
+    return FilterView(
+        sources=tuple(
+            SourceView(name, each.test_ratio, each.fused, each.rejected, each.age_s)
+            for name, each in sources
+            if each.fused or each.rejected
+        ),
+        position_sigma_m=round(fused.position_sigma_m, 4),
+        room_sigma_m=health.room_sigma_m,
+        gnss_apart_m=health.gnss_apart_m,
+        frame_jumps=health.frame_jumps,
+        restarts=health.restarts,
     )
 
 
@@ -172,6 +195,7 @@ def health(reading: RangeReading, age_s: float, stale_after_s: float) -> str:
 def _vehicle(instant: Instant, drawn: Drawn | None) -> VehicleView | None:
     """The vehicle in the service's frame; None while it says nothing of where it is."""
     status = instant.status
+    height_agl_m = room_above_m = None
     if instant.command is not None and drawn is not None:
         fused = instant.command.decision.fused
         if fused is None:
@@ -180,6 +204,7 @@ def _vehicle(instant: Instant, drawn: Drawn | None) -> VehicleView | None:
         height_m, yaw_rad = -fused.position_ned_m[2], fused.yaw_rad
         velocity = (fused.velocity_ned_m_s[0], fused.velocity_ned_m_s[1])
         ok, why_not = fused.ok, fused.why_not_ok
+        height_agl_m, room_above_m = fused.height_agl_m, fused.room_above_m
     elif instant.position is not None and instant.attitude is not None:
         local, origin = instant.position.position_ned_m, instant.origin_ned_m
         position = (local[0] - origin[0], local[1] - origin[1])
@@ -201,6 +226,8 @@ def _vehicle(instant: Instant, drawn: Drawn | None) -> VehicleView | None:
         landed=status.landed.value,
         battery=status.battery_remaining,
         link_age_s=max(0.0, status.link_age_s) if math.isfinite(status.link_age_s) else 1e6,
+        height_agl_m=height_agl_m,
+        room_above_m=room_above_m,
     )
 
 

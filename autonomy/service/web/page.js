@@ -85,6 +85,7 @@ function show() {
   battery(vehicle);
   link(vehicle);
   beams();
+  filter();
 }
 
 const clearance = (metres) => (metres >= 1 ? "over 1 m" : `${metres.toFixed(2)} m`);
@@ -118,6 +119,29 @@ function beams() {
     if (item.children[0].textContent !== name) item.children[0].textContent = name;
     if (item.children[1].textContent !== beam.health) item.children[1].textContent = beam.health;
     item.children[1].className = `health ${beam.health === "ok" ? "ok" : "sick"}`;
+  });
+}
+
+function filter() {
+  const found = state.filter;
+  $("filter").hidden = !found?.sources.length;
+  if (!found) return;
+  const apart = found.gnss_apart_m === null ? "" : `, GNSS ${found.gnss_apart_m.toFixed(1)} m apart`;
+  put("filter-words", `±${(found.position_sigma_m * 100).toFixed(1)} cm in the autopilot's frame${apart}`, "quiet small");
+  const rows = $("filter-rows");
+  while (rows.children.length > found.sources.length) rows.lastChild.remove();
+  found.sources.forEach((source, index) => {
+    let row = rows.children[index];
+    if (!row) {
+      row = document.createElement("tr");
+      for (let i = 0; i < 4; i += 1) row.append(document.createElement("td"));
+      rows.append(row);
+    }
+    const cells = [source.name, source.test_ratio.toFixed(2), source.fused, source.rejected];
+    cells.forEach((cell, i) => {
+      if (row.children[i].textContent !== String(cell)) row.children[i].textContent = cell;
+    });
+    row.className = source.test_ratio > 1 ? "warn" : "";
   });
 }
 

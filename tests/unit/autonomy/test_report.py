@@ -8,7 +8,7 @@ from rich.console import Console
 
 from autonomy.errors import ExitCode
 from autonomy.mission.flown import FlownLeg
-from autonomy.model import Ending, LegKind
+from autonomy.model import Ending, FilterHealth, LegKind, SourceHealth
 from autonomy.report import EXIT_CODES, FlightReport, report_table
 from autonomy.t3drm.bound import PathBound
 from autonomy.t3drm.timing import ComputationTime
@@ -93,3 +93,20 @@ def test_algorithm_1_is_told_from_start_to_completion() -> None:
     assert "7.0 ms in 3 plans, least 1.00, median 2.00, longest 4.00 ms" in text
     assert "completed 42.5 s after the start" in text
     assert "Eq. 8/9 radius 0.229 m" in text
+
+
+def test_the_estimator_s_rejections_and_what_was_out_of_the_ordinary_are_told() -> None:
+    health = FilterHealth(
+        position=SourceHealth(0.1, 900, 3, 0.05),
+        gnss=SourceHealth(0.2, 40, 0, 0.3),
+        gnss_apart_m=4.26,
+        frame_jumps=1,
+        restarts=2,
+    )
+    report = FlightReport(Ending.ABORTED, "because", 1, (), estimator=health)
+    text = " ".join(told(report).split())
+    assert "position 900 fused, 3 rejected; gnss 40 fused, 0 rejected" in text
+    assert "GNSS 4.3 m apart from the autopilot; frame jumps 1; filter restarts 2" in text
+    assert "floor" not in text
+    quiet = told(msgspec.structs.replace(report, estimator=FilterHealth()))
+    assert "heard nothing" in quiet

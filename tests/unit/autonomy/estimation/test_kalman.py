@@ -149,8 +149,8 @@ def test_what_is_no_number_is_rejected(bad: float) -> None:
 
 
 def test_the_first_gnss_position_is_the_bias() -> None:
+    assert started().bias_ne_m is None
     kalman = started((1.0, 2.0, -3.0))
-    assert kalman.bias_ne_m is None
     tested = kalman.update_gnss((11.0, -8.0), 2.0)
     assert tested == (0.0, True, 0.0)
     assert kalman.bias_ne_m == (10.0, -10.0)

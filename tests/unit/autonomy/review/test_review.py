@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from autonomy.cli import main
 from autonomy.errors import BadInput, ExitCode
 from autonomy.logbook import report_of_log
-from autonomy.model import Command, Event, MissionState
+from autonomy.model import Command, Event, FilterHealth, MissionState
 from autonomy.review.explain import DOING, explain
 from autonomy.review.history import History, Moment, history_of
 from autonomy.review.invariants import Verdict, check
@@ -190,6 +190,23 @@ def test_the_page_is_one_file_that_fetches_nothing(history: History) -> None:
     assert text.count("kept</span>") == len(check(history))
     assert "bit for bit" in text
     assert not re.search(r"@import|url\((?!#)", text)
+
+
+def test_the_page_shows_what_every_source_of_the_filter_came_to(history: History) -> None:
+    page = page_of(history, report_of_log(history.path))
+    section = page[page.index("The position filter") : page.index("Every plan")]
+    last = history.moments[-1].health
+    for name in ("position", "velocity", "gnss"):
+        counts = f"<td>{name}</td><td>{getattr(last, name).fused}</td>"
+        assert counts in section
+    assert "test ratio" in section
+    assert "the frame jumped 0" in section
+
+
+def test_a_log_of_before_there_was_health_says_so(history: History) -> None:
+    old = [msgspec.structs.replace(m, health=FilterHealth()) for m in history.moments]
+    page = page_of(replace(history, moments=old), report_of_log(history.path))
+    assert "The log says nothing of it." in page
 
 
 def test_the_same_log_gives_the_same_page(history: History) -> None:

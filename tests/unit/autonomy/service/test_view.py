@@ -1,5 +1,7 @@
 import math
+from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from autonomy.model import (
     Command,
     Decision,
     Environment,
+    FilterHealth,
     FusedState,
     GuardReport,
     Leg,
@@ -17,8 +20,10 @@ from autonomy.model import (
     Obstacle,
     ObstacleKind,
     Plan,
+    SourceHealth,
 )
 from autonomy.service import view
+from autonomy.service.metrics import Metrics
 from autonomy.service.station import Drawn, FlownMission, Instant, Station
 from autonomy.service.stream import Cursor
 from hal.readings import (
@@ -159,3 +164,57 @@ def test_a_watcher_is_told_what_changed_once_and_the_state_always() -> None:
     assert [kind for _ in range(8) for kind in kinds() if kind != "state"] == ["hits"]
     told.begin(FlownMission("next", (), (0.0, 0.0)))
     assert kinds() == ["track", "state"]
+
+
+HEALTH = FilterHealth(
+    position=SourceHealth(0.25, 900, 3, 0.05),
+    floor=SourceHealth(4.0, 40, 2, 1.5),
+    gnss_apart_m=3.5,
+    room_sigma_m=0.2,
+    floor_steps=1,
+    frame_jumps=1,
+)
+
+
+def estimating() -> Station:
+    station_ = station()
+    assert station_.instant is not None
+    assert station_.instant.command is not None
+    decision = station_.instant.command.decision
+    assert decision.fused is not None
+    fused = msgspec.structs.replace(decision.fused, health=HEALTH, room_above_m=0.7)
+    command = msgspec.structs.replace(
+        station_.instant.command, decision=msgspec.structs.replace(decision, fused=fused)
+    )
+    station_.instant = replace(station_.instant, command=command)
+    return station_
+
+
+def test_the_filter_is_shown_source_by_source_as_far_as_they_were_heard() -> None:
+    state = view.state(estimating())
+    assert state.filter is not None
+    assert [source.name for source in state.filter.sources] == ["position", "floor"]
+    floor = state.filter.sources[1]
+    assert (floor.test_ratio, floor.fused, floor.rejected, floor.age_s) == (4.0, 40, 2, 1.5)
+    assert (state.filter.gnss_apart_m, state.filter.frame_jumps) == (3.5, 1)
+    assert state.vehicle is not None
+    assert (state.vehicle.height_agl_m, state.vehicle.room_above_m) == (1.2, 0.7)
+
+
+def test_without_a_flight_there_is_no_filter_to_show() -> None:
+    resting = station()
+    resting.instant = Instant(10.0, STATUS, {})
+    assert view.state(resting).filter is None
+
+
+def test_prometheus_has_ratios_counts_and_ages_of_what_was_heard() -> None:
+    text = Metrics(estimating()).text().decode()
+    assert 'autonomy_filter_test_ratio{source="floor"} 4.0' in text
+    assert 'autonomy_filter_measurements_total{source="floor",verdict="rejected"} 2.0' in text
+    assert 'autonomy_filter_measurements_total{source="position",verdict="fused"} 900.0' in text
+    assert 'autonomy_filter_age_seconds{source="floor"} 1.5' in text
+    assert 'autonomy_surface_steps_total{surface="floor"} 1.0' in text
+    assert 'autonomy_filter_resets_total{what="frame_jump"} 1.0' in text
+    assert "autonomy_gnss_apart_metres 3.5" in text
+    assert "autonomy_room_above_metres 0.7" in text
+    assert 'source="gnss"' not in text

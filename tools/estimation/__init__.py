@@ -1,0 +1,1 @@
+"""How good the estimator is: consistency and errors over Monte Carlo runs."""
