@@ -186,7 +186,7 @@ def test_the_page_is_one_file_that_fetches_nothing(history: History) -> None:
     page.feed(text)
     assert page.open == []
     assert "script" not in text
-    assert text.count("<svg") == 2 + len(history.replans)
+    assert text.count("<svg") == 3 + len(history.replans)
     assert text.count("kept</span>") == len(check(history))
     assert "bit for bit" in text
     assert not re.search(r"@import|url\((?!#)", text)
