@@ -30,6 +30,28 @@ class BodyConfig(Section):
     half_height_m: Positive = 0.08
 
 
+class WallsConfig(Section):
+    """Beams against walls that are known already: the drift of the autopilot's frame
+    (autonomy/estimation/wall_fix.py)."""
+
+    use: bool = True
+    wander_sigma_m: Positive = 0.025
+    """The autopilot's position is wrong by this (one sigma and axis) ..."""
+    wander_s: Positive = 3.5
+    """... for about so long at a time."""
+    drift_m_per_sqrt_s: NonNegative = 0.003
+    """What does not come back: its random walk."""
+    settle_s: Positive = 0.5
+    """Hits older than this are a reference."""
+    gate_sigma: Positive = 3.0
+    gate_m: Positive = 0.07
+    """An innovation beyond the one or the other moves nothing."""
+    correction_max_m_s: Positive = 0.1
+    """The mission frame is not moved faster than this ..."""
+    correction_max_m: Positive = 1.0
+    """... and in all no farther than this."""
+
+
 class EstimationConfig(Section):
     """Kalman filter: process noise, measurement noise floors and gates."""
 
@@ -52,6 +74,7 @@ class EstimationConfig(Section):
     stale_after_s: Positive = 0.3
     sigma_max_m: Positive = 0.3
     """Above this horizontal uncertainty the state is not ok: nothing is flown by it."""
+    walls: WallsConfig = Field(default_factory=WallsConfig)
 
 
 class MapConfig(Section):

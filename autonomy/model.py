@@ -111,6 +111,22 @@ class FusedState(msgspec.Struct, frozen=True):
         return (self.position_ned_m[0], self.position_ned_m[1])
 
 
+class WallFixReport(msgspec.Struct, frozen=True):
+    """What beams on known walls say of the autopilot's frame (estimation/wall_fix.py).
+
+    `offset_ne_m`: the frame is taken to be wrong by so much; `sigma_ne_m`: how well that is known
+    against the walls in sight. `test_ratio`: the largest of this tick, above 1 rejected, 0 without
+    any. Counts are since arming; `forgotten` are cells of walls that were contradicted.
+    """
+
+    offset_ne_m: Point = (0.0, 0.0)
+    sigma_ne_m: Point = (0.0, 0.0)
+    test_ratio: float = 0.0
+    fused: int = 0
+    rejected: int = 0
+    forgotten: int = 0
+
+
 # ---------------------------------------------------------------- obstacles and plans
 
 
@@ -296,6 +312,8 @@ class Decision(msgspec.Struct, frozen=True):
     """The height of flight above the take-off point: being flown at, or changed to."""
     faults: tuple[str, ...] = ()
     """What counts as wrong (`mission.failsafe.Fault`), strongest response first."""
+    walls: WallFixReport | None = None
+    """What moved the mission frame; None before arming."""
 
 
 class Command(msgspec.Struct, frozen=True):

@@ -9,6 +9,7 @@ from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
 from autonomy.kernel_cache import VARIABLE, is_temporary
+from autonomy.estimation import kernels as estimation
 from autonomy.perception import kernels as perception
 from autonomy.t3drm import kernels as t3drm
 from autonomy.t3drm import planner
@@ -24,6 +25,7 @@ def warm_up(note: Callable[[str], None] | None = None) -> None:
     """
     compiling = _Compiling(note if note is not None else lambda _: None)
     with event.install_listener("numba:compile", compiling):
+        estimation.warm_up()
         perception.warm_up()
         planner.warm_up()
     compiling.finish()
@@ -36,7 +38,7 @@ class _Compiling(event.Listener):  # type: ignore[misc, unused-ignore]  # numba 
         self._note = note
         self._waiting = {
             kernel.py_func
-            for module in (perception, t3drm)
+            for module in (estimation, perception, t3drm)
             for kernel in vars(module).values()
             if isinstance(kernel, Dispatcher)
         }

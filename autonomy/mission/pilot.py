@@ -221,4 +221,5 @@ class Pilot:
             outcome=self._outcome if tick.state is MissionState.DONE else None,
             height_m=self._heights.flown_at_m if navigating else None,
             faults=tuple(fault.fault.value for fault in tick.faults),
+            walls=self._sensing.walls,
         )

@@ -9,10 +9,11 @@ import msgspec
 
 from autonomy.config import Config
 from autonomy.estimation.fusion import Fusion
+from autonomy.estimation.wall_fix import WallFix
 from autonomy.geometry import Point
-from autonomy.model import FusedState, Inputs
+from autonomy.model import FusedState, Inputs, WallFixReport
 from autonomy.perception.obstacle_map import ObstacleMap
-from autonomy.perception.projection import Projector
+from autonomy.perception.projection import Projector, Ray, RayKind
 from autonomy.perception.storey_maps import StoreyMaps
 from hal.frames import ZERO3, Vector3, add, norm, subtract
 from hal.readings import RangeReading, RangeStatus
@@ -37,6 +38,11 @@ class Sensing:
         self.maps = StoreyMaps(config.map, config.body.radius_m, config.guard.fence)
         """One map for each height of flight."""
         self._between_heights = True
+        self._wall_fix = WallFix(config.estimation.walls, config.guard.fence)
+        self.walls: WallFixReport | None = None
+        """What beams on known walls said last."""
+        self._beam_of = [mount.name for mount in config.beams.mounts]
+        self._armed_at_ned_m: Vector3 = ZERO3
         self.home_ned_m: Vector3 = ZERO3
         """The mission frame's origin in the autopilot's local frame."""
         self.jump_m = 0.0
@@ -73,9 +79,10 @@ class Sensing:
         shift = local.frame_shift_ned_m
         self.jump_m = norm(shift) if self._home_fixed and shift != ZERO3 else 0.0
         if not self._home_fixed:
-            self.home_ned_m = local.position_ned_m
+            self._armed_at_ned_m = local.position_ned_m
         elif shift != ZERO3:
-            self.home_ned_m = add(self.home_ned_m, shift)
+            self._armed_at_ned_m = add(self._armed_at_ned_m, shift)
+        self.home_ned_m = add(self._armed_at_ned_m, (*self._wall_fix.offset_ne_m, 0.0))
         fused = msgspec.structs.replace(
             local,
             position_ned_m=subtract(local.position_ned_m, self.home_ned_m),
@@ -86,9 +93,21 @@ class Sensing:
             if self._home_fixed:
                 rays = self._projector.step(fused, inputs.ranges)
                 self.map.update(inputs.now_s, () if self._between_heights else rays)
+                self.walls = self._wall_fix.step(
+                    inputs.now_s, self._measured_ends(rays), learn=not self._between_heights
+                )
         elif self._state_lost_since_s is None:
             self._state_lost_since_s = inputs.now_s
         return fused
+
+    def _measured_ends(self, rays: tuple[Ray, ...]) -> list[Ray]:
+        """Those that end on something at a distance that was measured, and not only "nearer"."""
+        return [
+            ray
+            for ray in rays
+            if ray.kind is RayKind.HIT
+            and self.newest[self._beam_of[ray.beam]].status is RangeStatus.VALID
+        ]
 
     def state_lost_s(self, now_s: float) -> float:
         """How long the state has not been usable."""
