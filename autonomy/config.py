@@ -32,7 +32,8 @@ class BodyConfig(Section):
 
 class WallsConfig(Section):
     """Beams against walls that are known already: the drift of the autopilot's frame
-    (autonomy/estimation/wall_fix.py)."""
+    (autonomy/estimation/wall_fix.py).
+    """
 
     use: bool = True
     wander_sigma_m: Positive = 0.025
@@ -40,7 +41,9 @@ class WallsConfig(Section):
     wander_s: Positive = 3.5
     """... for about so long at a time."""
     drift_m_per_sqrt_s: NonNegative = 0.003
-    """What does not come back: its random walk."""
+    """What does not come back: its random walk, ..."""
+    drift_rate_m_s: NonNegative = 0.0
+    """... and the rate (one sigma) at which it runs away for a minute."""
     settle_s: Positive = 0.5
     """Hits older than this are a reference."""
     gate_sigma: Positive = 3.0

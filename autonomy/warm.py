@@ -8,8 +8,8 @@ from typing import Any
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-from autonomy.kernel_cache import VARIABLE, is_temporary
 from autonomy.estimation import kernels as estimation
+from autonomy.kernel_cache import VARIABLE, is_temporary
 from autonomy.perception import kernels as perception
 from autonomy.t3drm import kernels as t3drm
 from autonomy.t3drm import planner

@@ -7,8 +7,9 @@ that came lately (fresh). So no ray is compared with what the same pass has just
     settled, fresh (rows, columns, 6) float64   count, sums of n, e, n n, n e, e e; metres
     since (rows, columns) float64               when the first of the fresh hits came
     doubts (rows, columns) float64              contradictions less confirmations, from 0
-    state (5,) float64                          wander n, e; drift n, e; yaw: estimate less truth
-    covariance (5, 5) float64                   of the state
+    state (7,) float64                          wander n, e; drift n, e; yaw; the drift's rate
+                                                n, e: estimate less truth
+    covariance (7, 7) float64                   of the state
     params (..,) float64                        columns P_...
     rays (n, 5) float64                         origin n, e; direction cos, sin; length, in m
     told (4,) float64                           columns TOLD_...
@@ -23,11 +24,11 @@ import numpy as np
 from numba import njit
 
 MOMENTS = 6
-WANDER_N, WANDER_E, DRIFT_N, DRIFT_E, YAW, STATES = range(6)
+WANDER_N, WANDER_E, DRIFT_N, DRIFT_E, YAW, RATE_N, RATE_E, STATES = range(8)
 
 P_NORTH0, P_EAST0, P_CELL, P_SETTLE, P_HITS_MIN, P_HITS_MAX, P_REACH, P_THICK, P_LENGTH = range(9)
 P_COS, P_GATE, P_GATE_M, P_RANGE, P_RANGE_FRACTION, P_SURFACE, P_INFLATION = range(9, 16)
-P_DOUBTS, P_WANDER, P_WANDER_S, P_DRIFT, P_YAW, P_YAW_S, PARAMS = range(16, 23)
+P_DOUBTS, P_WANDER, P_WANDER_S, P_DRIFT, P_YAW, P_YAW_S, P_RATE, P_RATE_S, PARAMS = range(16, 25)
 
 R_NORTH, R_EAST, R_COS, R_SIN, R_LENGTH, RAY_COLUMNS = range(6)
 
@@ -165,12 +166,21 @@ def _end(rays, r, state):
 
 @njit(cache=True)
 def _predict(state, covariance, params, dt):
-    """Ornstein-Uhlenbeck for wander and yaw, a random walk for the drift; exact."""
+    """Ornstein-Uhlenbeck for wander, yaw and rate; the drift is a random walk with that rate."""
     wander = math.exp(-dt / params[P_WANDER_S])
     yaw = math.exp(-dt / params[P_YAW_S])
+    rate = math.exp(-dt / params[P_RATE_S])
+    for axis in range(2):
+        drift, speed = DRIFT_N + axis, RATE_N + axis
+        state[drift] += dt * state[speed]
+        for a in range(STATES):
+            covariance[drift, a] += dt * covariance[speed, a]
+        for a in range(STATES):
+            covariance[a, drift] += dt * covariance[a, speed]
     keep = np.ones(STATES)
     keep[WANDER_N] = keep[WANDER_E] = wander
     keep[YAW] = yaw
+    keep[RATE_N] = keep[RATE_E] = rate
     for a in range(STATES):
         state[a] *= keep[a]
         for b in range(STATES):
@@ -178,6 +188,7 @@ def _predict(state, covariance, params, dt):
     for axis in range(2):
         covariance[WANDER_N + axis, WANDER_N + axis] += params[P_WANDER] ** 2 * (1.0 - wander**2)
         covariance[DRIFT_N + axis, DRIFT_N + axis] += params[P_DRIFT] ** 2 * dt
+        covariance[RATE_N + axis, RATE_N + axis] += params[P_RATE] ** 2 * (1.0 - rate**2)
     covariance[YAW, YAW] += params[P_YAW] ** 2 * (1.0 - yaw**2)
 
 
@@ -186,9 +197,10 @@ def _fuse(state, covariance, params, rays, r, fit, innovation, told):
     """One ray against one surface; returns whether its innovation passed the gate."""
     nn, ne = fit[FIT_NORMAL_N], fit[FIT_NORMAL_E]
     length = rays[r, R_LENGTH]
-    h = np.array(
-        [nn, ne, nn, ne, length * (ne * rays[r, R_COS] - nn * rays[r, R_SIN])], dtype=np.float64
-    )
+    h = np.zeros(STATES)
+    h[WANDER_N] = h[DRIFT_N] = nn
+    h[WANDER_E] = h[DRIFT_E] = ne
+    h[YAW] = length * (ne * rays[r, R_COS] - nn * rays[r, R_SIN])
     ph = np.zeros(STATES)
     own = 0.0
     for a in range(STATES):
@@ -215,7 +227,7 @@ def _fuse(state, covariance, params, rays, r, fit, innovation, told):
 
 @njit(cache=True)
 def observe(
-    settled, fresh, since, doubts, params, state, covariance, rays, count, now, dt, learn, told
+    settled, fresh, since, doubts, params, state, covariance, rays, count, now, dt, told, learn
 ):
     """Move the state on by `dt`, measure the first `count` rays against settled surfaces, and lay
     their ends down when `learn`.
@@ -258,6 +270,6 @@ def warm_up() -> None:
         1,
         0.0,
         0.05,
-        True,
         np.zeros(TOLD),
+        learn=True,
     )

@@ -6,7 +6,8 @@ ends on a surface that was mapped a while ago, the distance to that surface alon
 by how much the frame has moved since. Hence a Kalman filter over
 
     wander_ne   what comes and goes: Ornstein-Uhlenbeck, `wander_sigma_m` and `wander_s`
-    drift_ne    what stays: a random walk of `drift_m_per_sqrt_s`
+    drift_ne    what stays: a random walk of `drift_m_per_sqrt_s`, and a rate of `drift_rate_m_s`
+                that lasts a minute, so that the frame is followed where no wall is in reach
     yaw         the error of the heading, which turns a slanting ray into a longer one
 
 with scalar innovations, each through a gate. Along a corridor nothing is measured, and nothing
@@ -56,6 +57,8 @@ SURFACE_SIGMA_M = 0.01
 INFLATION = 4.0
 """Readings of one wall share its error: each counts as a quarter of one."""
 YAW_SIGMA_RAD, YAW_S = math.radians(1.0), 5.0
+RATE_S = 60.0
+"""For so long a drift goes on at its rate."""
 DOUBTS = 40.0
 """Contradictions, less confirmations, after which a surface is forgotten."""
 STEP_MAX_S = 1.0
@@ -96,9 +99,8 @@ class WallFix:
         self._doubts = np.zeros(shape)
         self._params = _parameters(config, north_min - MARGIN_M, east_min - MARGIN_M)
         self._state = np.zeros(kernels.STATES)
-        self._covariance = np.diag(
-            [config.wander_sigma_m**2, config.wander_sigma_m**2, 0.0, 0.0, YAW_SIGMA_RAD**2]
-        )
+        wander, rate = config.wander_sigma_m**2, config.drift_rate_m_s**2
+        self._covariance = np.diag([wander, wander, 0.0, 0.0, YAW_SIGMA_RAD**2, rate, rate])
         self._rays = np.zeros((16, kernels.RAY_COLUMNS))
         self._told = np.zeros(kernels.TOLD)
         self._last_s: float | None = None
@@ -130,8 +132,8 @@ class WallFix:
             self._fill(rays),
             now_s,
             dt_s,
-            learn,
             self._told,
+            learn,
         )
         self._follow(self._config.correction_max_m_s * dt_s)
         return self._report()
@@ -156,7 +158,7 @@ class WallFix:
 
     def _follow(self, step_max_m: float) -> None:
         """Move the offset towards the filter's, no faster than is allowed, and not too far."""
-        wander_n, wander_e, drift_n, drift_e, _ = self._state.tolist()
+        wander_n, wander_e, drift_n, drift_e = self._state[:4].tolist()
         north_m, east_m = self.offset_ne_m
         dn, de = wander_n + drift_n - north_m, wander_e + drift_e - east_m
         length_m = math.hypot(dn, de)
@@ -201,4 +203,5 @@ def _parameters(config: WallsConfig, north0_m: float, east0_m: float) -> FloatAr
     params[kernels.P_WANDER], params[kernels.P_WANDER_S] = config.wander_sigma_m, config.wander_s
     params[kernels.P_DRIFT] = config.drift_m_per_sqrt_s
     params[kernels.P_YAW], params[kernels.P_YAW_S] = YAW_SIGMA_RAD, YAW_S
+    params[kernels.P_RATE], params[kernels.P_RATE_S] = config.drift_rate_m_s, RATE_S
     return params
