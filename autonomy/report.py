@@ -7,6 +7,7 @@ import msgspec
 from autonomy.errors import ExitCode
 from autonomy.mission.flown import FlownLeg, by_radius
 from autonomy.model import SOURCES, Ending, FilterHealth
+from autonomy.model import Ending, WallFixReport
 from autonomy.t3drm.bound import PathBound
 from autonomy.t3drm.timing import TimingRecord
 from hal.frames import Vector3
@@ -95,6 +96,10 @@ class FlightReport(msgspec.Struct, frozen=True):
     """How many ticks each rule of the guard changed the setpoint."""
     estimator: FilterHealth | None = None
     """How the position filter had got on by the end."""
+    walls: WallFixReport | None = None
+    """How the drift of the autopilot's frame stood at the end, None where it was not looked at ..."""
+    wall_offset_max_m: float = 0.0
+    """... and the most that it was."""
     late_ticks: int = 0
     events: tuple[tuple[float, str, str], ...] = ()
     log_path: str | None = None
@@ -179,6 +184,8 @@ def report_rows(report: FlightReport) -> list[tuple[str, str]]:
         rows.append(("guard, ticks", limits))
     if report.estimator is not None:
         rows.append(("estimator", _estimator(report.estimator)))
+    if report.walls is not None and report.walls.fused:
+        rows.append(("drift by walls", _drift(report.walls, report.wall_offset_max_m)))
     if report.late_ticks:
         rows.append(("late ticks", str(report.late_ticks)))
     if report.scenario is not None:
@@ -187,6 +194,15 @@ def report_rows(report: FlightReport) -> list[tuple[str, str]]:
         rows.append(("flight log", report.log_path))
     rows.extend(("", note) for note in report.log_notes)
     return rows
+
+
+def _drift(walls: WallFixReport, most_m: float) -> str:
+    north_m, east_m = walls.offset_ne_m
+    text = (
+        f"{north_m:+.2f} m north, {east_m:+.2f} m east at the end, {most_m:.2f} m at most; "
+        f"{walls.fused} rays fused, {walls.rejected} rejected"
+    )
+    return text + (f", {walls.forgotten} cells forgotten" if walls.forgotten else "")
 
 
 def _path(report: FlightReport) -> str:

@@ -3,6 +3,7 @@
 Fed by a flight as it happens, or by its log afterwards.
 """
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -21,6 +22,7 @@ from autonomy.model import (
     Outcome,
     Plan,
 )
+from autonomy.model import Command, Decision, Event, Inputs, Outcome, Plan, WallFixReport
 from autonomy.planning_time import PlanningTime
 from autonomy.report import EXIT_CODES, FlightReport
 from autonomy.t3drm.bound import BoundTally
@@ -54,6 +56,8 @@ class Tally:
     health: FilterHealth | None = None
     stretches: list[tuple[float, list[Point]]] = field(default_factory=list)
     """(height above the take-off point, track) of every stretch of way at one height."""
+    walls: WallFixReport | None = None
+    wall_offset_max_m: float = 0.0
     _airborne_s: float | None = None
 
     def note(self, command: Command, inputs: Inputs, step_s: float) -> None:
@@ -64,6 +68,10 @@ class Tally:
         self.guard_limits.update(command.guard.limits)
         self.planning.note(decision, step_s)
         self._note_plan(decision)
+        if decision.walls is not None:
+            self.walls = decision.walls
+            offset_m = math.hypot(*decision.walls.offset_ne_m)
+            self.wall_offset_max_m = max(self.wall_offset_max_m, offset_m)
         fused = decision.fused
         if fused is not None:
             self.health = fused.health
@@ -149,6 +157,8 @@ class Tally:
             heights_m=tuple(height_m for height_m, _ in self.stretches),
             guard_limits=dict(self.guard_limits),
             estimator=self.health,
+            walls=self.walls,
+            wall_offset_max_m=self.wall_offset_max_m,
             late_ticks=self.late_ticks,
             events=tuple((event.stamp_s, event.name, event.why) for event in self.events),
             log_path=log_path,

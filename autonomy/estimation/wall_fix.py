@@ -116,8 +116,6 @@ class WallFix:
         Rays are in the mission frame, laid with the present offset. `learn` False: they are
         measured, but nothing new is laid down (the vehicle is between two heights).
         """
-        if not self._config.use:
-            return WallFixReport()
         dt_s = 0.0 if self._last_s is None else min(max(0.0, now_s - self._last_s), STEP_MAX_S)
         self._last_s = now_s
         kernels.observe(

@@ -2,7 +2,8 @@
 
 The mission frame is NED with its origin where the vehicle was armed. When PX4's estimator resets
 and its local frame jumps, the origin jumps with it: map, goal and fence keep their places around
-the vehicle, and nothing has to be moved.
+the vehicle, and nothing has to be moved. What beams on known walls say of the frame's drift
+(estimation/wall_fix.py) moves the origin too, so that they keep their places in the room.
 """
 
 import msgspec
@@ -40,13 +41,11 @@ class Sensing:
         self._between_heights = True
         self._wall_fix = WallFix(config.estimation.walls, config.guard.fence)
         self.walls: WallFixReport | None = None
-        """What beams on known walls said last."""
+        """What beams on known walls said last; None where they are not asked."""
         self._beam_of = [mount.name for mount in config.beams.mounts]
         self._armed_at_ned_m: Vector3 = ZERO3
         self.home_ned_m: Vector3 = ZERO3
-        """The mission frame's origin in the autopilot's local frame."""
-        self.jump_m = 0.0
-        """How far that frame jumped at the last step."""
+        """The mission frame's origin in the autopilot's local frame, drift included."""
         self._home_fixed = False
         self._measured_s: dict[str, float] = {}
         self._measured: dict[str, RangeReading] = {}
@@ -93,9 +92,10 @@ class Sensing:
             if self._home_fixed:
                 rays = self._projector.step(fused, inputs.ranges)
                 self.map.update(inputs.now_s, () if self._between_heights else rays)
-                self.walls = self._wall_fix.step(
-                    inputs.now_s, self._measured_ends(rays), learn=not self._between_heights
-                )
+                if self._config.estimation.walls.use:
+                    self.walls = self._wall_fix.step(
+                        inputs.now_s, self._measured_ends(rays), learn=not self._between_heights
+                    )
         elif self._state_lost_since_s is None:
             self._state_lost_since_s = inputs.now_s
         return fused

@@ -14,6 +14,7 @@ from prometheus_client.registry import Collector
 
 from autonomy import __version__
 from autonomy.model import SOURCES, Command, FilterHealth, FusedState, Inputs, MissionState
+from autonomy.model import Command, Inputs, MissionState, WallFixReport
 from autonomy.service.contract import MissionRecord, Phase
 from autonomy.service.station import Station
 from hal.readings import RangeStatus
@@ -156,6 +157,8 @@ class _Newest(Collector):
         decision = command.decision
         yield _gauge("autonomy_stops", "Stops of this flight.", decision.stops)
         yield _gauge("autonomy_replans", "Replans of this flight.", decision.replans)
+        if decision.walls is not None:
+            yield from _wall_gauges(decision.walls)
         if decision.fused is not None:
             yield from _of_estimate(decision.fused)
 
@@ -207,6 +210,27 @@ def _of_filter(health: FilterHealth) -> Iterator[Metric]:
     resets.add_metric(["frame_jump"], health.frame_jumps)
     resets.add_metric(["restart"], health.restarts)
     yield resets
+
+
+def _wall_gauges(walls: WallFixReport) -> Iterator[Metric]:
+    """What beams on known walls say of the autopilot's frame."""
+    offset = GaugeMetricFamily(
+        "autonomy_walls_offset_metres", "Drift taken from the position.", labels=["axis"]
+    )
+    sigma = GaugeMetricFamily(
+        "autonomy_walls_offset_sigma_metres", "Of that, against walls in sight.", labels=["axis"]
+    )
+    for axis, offset_m, sigma_m in zip(
+        ("north", "east"), walls.offset_ne_m, walls.sigma_ne_m, strict=True
+    ):
+        offset.add_metric([axis], offset_m)
+        sigma.add_metric([axis], sigma_m)
+    yield offset
+    yield sigma
+    yield _gauge("autonomy_walls_test_ratio", "The largest of a tick; 1 passes.", walls.test_ratio)
+    yield _gauge("autonomy_walls_fused", "Rays fused in this flight.", walls.fused)
+    yield _gauge("autonomy_walls_rejected", "Rays beyond the gate.", walls.rejected)
+    yield _gauge("autonomy_walls_forgotten", "Cells of walls that were moved.", walls.forgotten)
 
 
 def _gauge(name: str, text: str, value: float) -> Metric:
