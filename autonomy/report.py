@@ -97,9 +97,9 @@ class FlightReport(msgspec.Struct, frozen=True):
     estimator: FilterHealth | None = None
     """How the position filter had got on by the end."""
     walls: WallFixReport | None = None
-    """How the drift of the autopilot's frame stood at the end, None where it was not looked at ..."""
+    """How the drift of the autopilot's frame stood at the end; None: it was not looked at."""
     wall_offset_max_m: float = 0.0
-    """... and the most that it was."""
+    """The most that the drift was."""
     late_ticks: int = 0
     events: tuple[tuple[float, str, str], ...] = ()
     log_path: str | None = None

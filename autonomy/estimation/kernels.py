@@ -4,8 +4,10 @@ The reference is a grid of square cells. A cell holds the moments of the hits in
 those that have been there for a while (settled), against which rays are measured, and of those
 that came lately (fresh). So no ray is compared with what the same pass has just laid down.
 
-    settled, fresh (rows, columns, 6) float64   count, sums of n, e, n n, n e, e e; metres
-    since (rows, columns) float64               when the first of the fresh hits came
+    settled, fresh (rows, columns, 8) float64   count, sums of n, e, n n, n e, e e in metres, and
+                                                of the directions that they were seen in
+    times (rows, columns, 2) float64            when the first of the fresh hits came, and the
+                                                newest one
     doubts (rows, columns) float64              contradictions less confirmations, from 0
     state (7,) float64                          wander n, e; drift n, e; yaw; the drift's rate
                                                 n, e: estimate less truth
@@ -23,12 +25,25 @@ import math
 import numpy as np
 from numba import njit
 
-MOMENTS = 6
+MOMENTS = 8
+T_FIRST, T_NEWEST, TIMES = range(3)
 WANDER_N, WANDER_E, DRIFT_N, DRIFT_E, YAW, RATE_N, RATE_E, STATES = range(8)
 
 P_NORTH0, P_EAST0, P_CELL, P_SETTLE, P_HITS_MIN, P_HITS_MAX, P_REACH, P_THICK, P_LENGTH = range(9)
 P_COS, P_GATE, P_GATE_M, P_RANGE, P_RANGE_FRACTION, P_SURFACE, P_INFLATION = range(9, 16)
-P_DOUBTS, P_WANDER, P_WANDER_S, P_DRIFT, P_YAW, P_YAW_S, P_RATE, P_RATE_S, PARAMS = range(16, 25)
+(
+    P_DOUBTS,
+    P_WANDER,
+    P_WANDER_S,
+    P_DRIFT,
+    P_YAW,
+    P_YAW_S,
+    P_RATE,
+    P_RATE_S,
+    P_STALE,
+    P_ONE_SIDED,
+    PARAMS,
+) = range(16, 27)
 
 R_NORTH, R_EAST, R_COS, R_SIN, R_LENGTH, RAY_COLUMNS = range(6)
 
@@ -38,16 +53,19 @@ FIT_N, FIT_E, FIT_NORMAL_N, FIT_NORMAL_E, FIT = range(5)
 
 
 @njit(cache=True)
-def _settle(settled, fresh, since, params, i, j, now):
+def _settle(settled, fresh, times, params, i, j, now):
     """Let the fresh hits of a cell join the settled ones once the first of them is old enough.
 
-    The settled ones never count more than P_HITS_MAX: a wall is known well, not for ever.
+    The settled ones never count more than P_HITS_MAX: a wall is known well, not for ever. What was
+    seen from the other side makes way: that is another surface.
     """
-    if fresh[i, j, 0] == 0.0 or now - since[i, j] < params[P_SETTLE]:
+    if fresh[i, j, 0] == 0.0 or now - times[i, j, T_FIRST] < params[P_SETTLE]:
         return
     keep = 1.0
     if settled[i, j, 0] + fresh[i, j, 0] > params[P_HITS_MAX] and settled[i, j, 0] > 0.0:
         keep = max(0.0, params[P_HITS_MAX] - fresh[i, j, 0]) / settled[i, j, 0]
+    if settled[i, j, 6] * fresh[i, j, 6] + settled[i, j, 7] * fresh[i, j, 7] < 0.0:
+        keep = 0.0
     for k in range(MOMENTS):
         settled[i, j, k] = keep * settled[i, j, k] + fresh[i, j, k]
         fresh[i, j, k] = 0.0
@@ -61,33 +79,43 @@ def _cell(params, north, east):
 
 
 @njit(cache=True)
-def _lay(settled, fresh, since, params, north, east, now):
+def _lay(settled, fresh, times, params, north, east, cos, sin, now):
     """One more hit for the cell that it lies in."""
     i, j = _cell(params, north, east)
     if not (0 <= i < settled.shape[0] and 0 <= j < settled.shape[1]):
         return
-    _settle(settled, fresh, since, params, i, j, now)
+    _settle(settled, fresh, times, params, i, j, now)
     if fresh[i, j, 0] == 0.0:
-        since[i, j] = now
+        times[i, j, T_FIRST] = now
+    times[i, j, T_NEWEST] = now
     fresh[i, j, 0] += 1.0
     fresh[i, j, 1] += north
     fresh[i, j, 2] += east
     fresh[i, j, 3] += north * north
     fresh[i, j, 4] += north * east
     fresh[i, j, 5] += east * east
+    fresh[i, j, 6] += cos
+    fresh[i, j, 7] += sin
 
 
 @njit(cache=True)
-def _gather(settled, fresh, since, params, north, east, now):
-    """Moments of the settled hits of the 3 x 3 cells round a point whose means are in reach."""
+def _gather(settled, fresh, times, params, north, east, cos, sin, now):
+    """Moments of the settled hits of the 3 x 3 cells round a point whose means are in reach.
+
+    Cells count that were seen from one side, and from the side of the ray (cos, sin): a thin wall
+    has two surfaces, and the other one is nearer than many a drift.
+    """
     total = np.zeros(MOMENTS)
     row, column = _cell(params, north, east)
     reach2 = params[P_REACH] * params[P_REACH]
     for i in range(max(0, row - 1), min(settled.shape[0], row + 2)):
         for j in range(max(0, column - 1), min(settled.shape[1], column + 2)):
-            _settle(settled, fresh, since, params, i, j, now)
+            _settle(settled, fresh, times, params, i, j, now)
             count = settled[i, j, 0]
-            if count == 0.0:
+            view_n, view_e = settled[i, j, 6], settled[i, j, 7]
+            if count == 0.0 or math.hypot(view_n, view_e) < params[P_ONE_SIDED] * count:
+                continue
+            if view_n * cos + view_e * sin < 0.0:
                 continue
             dn = settled[i, j, 1] / count - north
             de = settled[i, j, 2] / count - east
@@ -134,22 +162,32 @@ def _surface(total, params, north, east, fit):
 
 
 @njit(cache=True)
-def _judge(settled, doubts, params, north, east, confirmed):
-    """The surface round a point was confirmed, or contradicted; returns how many cells were
-    contradicted so often that they are forgotten.
+def _confirm(doubts, params, north, east):
+    """A ray ended where it should: what is round there was not moved."""
+    row, column = _cell(params, north, east)
+    for i in range(max(0, row - 1), min(doubts.shape[0], row + 2)):
+        for j in range(max(0, column - 1), min(doubts.shape[1], column + 2)):
+            doubts[i, j] = max(0.0, doubts[i, j] - 1.0)
+
+
+@njit(cache=True)
+def _contradict(settled, doubts, times, params, north, east, oldest):
+    """A ray ended where nothing should be, or where the hits make no surface any more.
+
+    Cells round there without a hit since `oldest` are doubted; returns how many of them were
+    doubted so often that they are forgotten.
     """
     forgotten = 0.0
     row, column = _cell(params, north, east)
     for i in range(max(0, row - 1), min(settled.shape[0], row + 2)):
         for j in range(max(0, column - 1), min(settled.shape[1], column + 2)):
-            if confirmed:
-                doubts[i, j] = max(0.0, doubts[i, j] - 1.0)
-            elif settled[i, j, 0] > 0.0:
-                doubts[i, j] += 1.0
-                if doubts[i, j] >= params[P_DOUBTS]:
-                    doubts[i, j] = 0.0
-                    settled[i, j] = 0.0
-                    forgotten += 1.0
+            if settled[i, j, 0] == 0.0 or times[i, j, T_NEWEST] > oldest:
+                continue
+            doubts[i, j] += 1.0
+            if doubts[i, j] >= params[P_DOUBTS]:
+                doubts[i, j] = 0.0
+                settled[i, j] = 0.0
+                forgotten += 1.0
     return forgotten
 
 
@@ -227,7 +265,7 @@ def _fuse(state, covariance, params, rays, r, fit, innovation, told):
 
 @njit(cache=True)
 def observe(
-    settled, fresh, since, doubts, params, state, covariance, rays, count, now, dt, told, learn
+    settled, fresh, times, doubts, params, state, covariance, rays, count, now, dt, told, learn
 ):
     """Move the state on by `dt`, measure the first `count` rays against settled surfaces, and lay
     their ends down when `learn`.
@@ -237,32 +275,41 @@ def observe(
     told[:] = 0.0
     _predict(state, covariance, params, dt)
     fit = np.empty(FIT)
+    stale = now - params[P_STALE]
     for r in range(count):
         north, east = _end(rays, r, state)
-        total = _gather(settled, fresh, since, params, north, east, now)
+        total = _gather(
+            settled, fresh, times, params, north, east, rays[r, R_COS], rays[r, R_SIN], now
+        )
         if not _surface(total, params, north, east, fit):
+            if total[0] >= params[P_HITS_MIN]:
+                told[TOLD_FORGOTTEN] += _contradict(
+                    settled, doubts, times, params, north, east, stale
+                )
             continue
         nn, ne = fit[FIT_NORMAL_N], fit[FIT_NORMAL_E]
         if abs(nn * rays[r, R_COS] + ne * rays[r, R_SIN]) < params[P_COS]:
             continue
         innovation = nn * (north - fit[FIT_N]) + ne * (east - fit[FIT_E])
-        fused = _fuse(state, covariance, params, rays, r, fit, innovation, told)
-        told[TOLD_FORGOTTEN] += _judge(settled, doubts, params, north, east, fused)
+        if _fuse(state, covariance, params, rays, r, fit, innovation, told):
+            _confirm(doubts, params, north, east)
+        else:
+            told[TOLD_FORGOTTEN] += _contradict(settled, doubts, times, params, north, east, now)
     if learn:
         for r in range(count):
             north, east = _end(rays, r, state)
-            _lay(settled, fresh, since, params, north, east, now)
+            cos, sin = rays[r, R_COS], rays[r, R_SIN]
+            _lay(settled, fresh, times, params, north, east, cos, sin, now)
 
 
 def warm_up() -> None:
     """Compile (or load from numba's disk cache) the kernel with the types used in flight."""
     grid = np.zeros((4, 4, MOMENTS))
-    plane = np.zeros((4, 4))
     observe(
         grid,
         grid.copy(),
-        plane,
-        plane.copy(),
+        np.zeros((4, 4, TIMES)),
+        np.zeros((4, 4)),
         np.ones(PARAMS),
         np.zeros(STATES),
         np.eye(STATES),

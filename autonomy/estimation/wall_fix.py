@@ -17,9 +17,10 @@ frame's origin is moved by: map, goal and fence stay where they are in the room.
 References are lines fitted to hits that are older than `settle_s`, piece by piece
 (`kernels.py`): not posts, corners or edges, not at a grazing angle. An innovation beyond the gate
 moves nothing; it counts against the surface, and a surface that is contradicted again and again
-is forgotten: the object was moved, or the frame was lost. What is within the gate cannot be told
-from drift where it is alone; then the frame follows, by `gate_m` at most for one step of one
-object.
+is forgotten: the object was moved, or the frame was lost. So is what no ray has met for two turns
+where old and new hits make no line any more: a moved object, or the other side of a thin wall.
+What is within the gate cannot be told from drift where it is alone; then the frame follows, by
+`gate_m` at most for one step of one object.
 """
 
 import math
@@ -59,8 +60,12 @@ INFLATION = 4.0
 YAW_SIGMA_RAD, YAW_S = math.radians(1.0), 5.0
 RATE_S = 60.0
 """For so long a drift goes on at its rate."""
-DOUBTS = 40.0
+DOUBTS = 30.0
 """Contradictions, less confirmations, after which a surface is forgotten."""
+ONE_SIDED = 0.65
+"""Length of the mean direction that a cell's hits were seen in; less: both sides of a thin wall."""
+STALE_S = 3.0
+"""Two turns: where hits make no surface, those cells are in doubt that had none for so long."""
 STEP_MAX_S = 1.0
 
 
@@ -95,7 +100,7 @@ class WallFix:
         )
         self._settled = np.zeros((*shape, kernels.MOMENTS))
         self._fresh = np.zeros((*shape, kernels.MOMENTS))
-        self._since = np.zeros(shape)
+        self._times = np.zeros((*shape, kernels.TIMES))
         self._doubts = np.zeros(shape)
         self._params = _parameters(config, north_min - MARGIN_M, east_min - MARGIN_M)
         self._state = np.zeros(kernels.STATES)
@@ -121,7 +126,7 @@ class WallFix:
         kernels.observe(
             self._settled,
             self._fresh,
-            self._since,
+            self._times,
             self._doubts,
             self._params,
             self._state,
@@ -201,5 +206,6 @@ def _parameters(config: WallsConfig, north0_m: float, east0_m: float) -> FloatAr
     params[kernels.P_WANDER], params[kernels.P_WANDER_S] = config.wander_sigma_m, config.wander_s
     params[kernels.P_DRIFT] = config.drift_m_per_sqrt_s
     params[kernels.P_YAW], params[kernels.P_YAW_S] = YAW_SIGMA_RAD, YAW_S
+    params[kernels.P_STALE], params[kernels.P_ONE_SIDED] = STALE_S, ONE_SIDED
     params[kernels.P_RATE], params[kernels.P_RATE_S] = config.drift_rate_m_s, RATE_S
     return params
