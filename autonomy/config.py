@@ -35,7 +35,7 @@ class WallsConfig(Section):
     (autonomy/estimation/wall_fix.py).
     """
 
-    use: bool = True
+    use: bool = False
     wander_sigma_m: Positive = 0.025
     """The autopilot's position is wrong by this (one sigma and axis) ..."""
     wander_s: Positive = 3.5
