@@ -6,8 +6,12 @@ import msgspec
 
 from autonomy.errors import ExitCode
 from autonomy.mission.flown import FlownLeg, by_radius
-from autonomy.model import SOURCES, Ending, FilterHealth
-from autonomy.model import Ending, WallFixReport
+from autonomy.model import (
+    SOURCES,
+    Ending,
+    FilterHealth,
+    WallFixReport,
+)
 from autonomy.t3drm.bound import PathBound
 from autonomy.t3drm.timing import TimingRecord
 from hal.frames import Vector3

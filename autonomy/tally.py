@@ -21,8 +21,8 @@ from autonomy.model import (
     MissionState,
     Outcome,
     Plan,
+    WallFixReport,
 )
-from autonomy.model import Command, Decision, Event, Inputs, Outcome, Plan, WallFixReport
 from autonomy.planning_time import PlanningTime
 from autonomy.report import EXIT_CODES, FlightReport
 from autonomy.t3drm.bound import BoundTally

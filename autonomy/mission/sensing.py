@@ -20,6 +20,7 @@ from hal.frames import ZERO3, Vector3, add, norm, subtract
 from hal.readings import RangeReading, RangeStatus
 
 _UPWARDS_DEG = 60.0
+_THIN_DEG = 3.0
 
 
 class Room(msgspec.Struct, frozen=True):
@@ -42,7 +43,11 @@ class Sensing:
         self._wall_fix = WallFix(config.estimation.walls, config.guard.fence)
         self.walls: WallFixReport | None = None
         """What beams on known walls said last; None where they are not asked."""
-        self._beam_of = [mount.name for mount in config.beams.mounts]
+        self._thin_beams = {
+            index: mount.name
+            for index, mount in enumerate(config.beams.mounts)
+            if config.beams.half_angle_deg(mount.name) <= _THIN_DEG
+        }
         self._armed_at_ned_m: Vector3 = ZERO3
         self.home_ned_m: Vector3 = ZERO3
         """The mission frame's origin in the autopilot's local frame, drift included."""
@@ -101,12 +106,16 @@ class Sensing:
         return fused
 
     def _measured_ends(self, rays: tuple[Ray, ...]) -> list[Ray]:
-        """Those that end on something at a distance that was measured, and not only "nearer"."""
+        """Those that end on something at a distance that was measured, and not only "nearer".
+
+        Of a wide beam nobody knows where on its arc that is.
+        """
         return [
             ray
             for ray in rays
             if ray.kind is RayKind.HIT
-            and self.newest[self._beam_of[ray.beam]].status is RangeStatus.VALID
+            and ray.beam in self._thin_beams
+            and self.newest[self._thin_beams[ray.beam]].status is RangeStatus.VALID
         ]
 
     def state_lost_s(self, now_s: float) -> float:

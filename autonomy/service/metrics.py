@@ -13,8 +13,15 @@ from prometheus_client.core import (
 from prometheus_client.registry import Collector
 
 from autonomy import __version__
-from autonomy.model import SOURCES, Command, FilterHealth, FusedState, Inputs, MissionState
-from autonomy.model import Command, Inputs, MissionState, WallFixReport
+from autonomy.model import (
+    SOURCES,
+    Command,
+    FilterHealth,
+    FusedState,
+    Inputs,
+    MissionState,
+    WallFixReport,
+)
 from autonomy.service.contract import MissionRecord, Phase
 from autonomy.service.station import Station
 from hal.readings import RangeStatus
