@@ -125,6 +125,8 @@ class Api:
                 Exception: _defect,
             },
         )
+        # Redirecting reads the query as text, which it need not be; paths are spelt as listed.
+        application.router.redirect_slashes = False
         return Gate(application, self._access)
 
     # ------------------------------------------------------------ reading

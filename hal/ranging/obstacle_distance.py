@@ -66,11 +66,10 @@ class ObstacleMessage(msgspec.Struct, frozen=True):
         max_m = min(self.max_distance * 0.01, config.max_m)
         ahead, beside = self._sectors(mount.yaw_deg, mount.half_angle_deg or 0.0)
         known = [cm for cm in (*ahead, *beside) if cm != UNKNOWN_CM]
-        nearest_cm = min(known, default=UNKNOWN_CM)
-        sees_ahead = any(cm != UNKNOWN_CM for cm in ahead)
-        if nearest_cm > self.max_distance and not sees_ahead:
+        if not known:
             return None
-        range_m = max(0.0, nearest_cm * 0.01 - mount.offset_m)
+        sees_ahead = any(cm != UNKNOWN_CM for cm in ahead)
+        range_m = max(0.0, min(known) * 0.01 - mount.offset_m)
         status = RangeStatus.VALID
         if range_m <= min_m:
             status, range_m = RangeStatus.TOO_NEAR, min_m

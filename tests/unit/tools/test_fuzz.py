@@ -12,7 +12,7 @@ from tools.fuzz.__main__ import SAVED, TARGETS, fuzz, main, problem
 from tools.fuzz.cases import Broken, Tally, Target, pieces, shrunk
 
 FOUND = sorted((Path(__file__).parents[3] / SAVED).glob("*.case"))
-CASES = {"nmea": 60, "ubx": 60, "i2c": 3, "yaml": 40, "api": 15}
+CASES = {"nmea": 60, "ubx": 60, "i2c": 3, "yaml": 24, "api": 15}
 TICKS = 300
 """Of a flight here: armed, up, and the first metres."""
 

@@ -54,7 +54,7 @@ def test_every_answer_is_described_and_only_an_accepted_request_is_an_order(
     described = {int(code) for code in operation.definition.raw["responses"]}
 
     @settings(
-        max_examples=20,
+        max_examples=10,
         deadline=None,
         database=None,
         derandomize=True,
@@ -65,7 +65,7 @@ def test_every_answer_is_described_and_only_an_accepted_request_is_an_order(
     def each(case: Any) -> None:
         with client_of(station, tmp_path) as client:
             answer = ask(client, case)
-        assert answer.status_code in described | {307, 405}, answer.text
+        assert answer.status_code in described | {405}, answer.text
         if answer.status_code == 201:
             mission = station.take_mission()
             assert mission is not None
