@@ -48,7 +48,9 @@ class StoreyMaps:
     def enter(self, height_m: float, point: Point, now_s: float) -> None:
         """The vehicle has come to rest at `height_m`: its map is the present one from now on.
 
-        A new map knows nothing but the disc that the vehicle is in.
+        A new map knows nothing but the disc that the vehicle is in: `start_disc_m`, a little more
+        than its body. That ring is an assumption until the vehicle has looked round there, which
+        it does before it moves (mission/heights.py); a hit in it counts all the same.
         """
         if abs(height_m - self.height_m) <= SAME_M:
             return
