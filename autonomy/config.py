@@ -257,6 +257,8 @@ class FailsafeConfig(Section):
     """A horizontal beam silent for this long: hold ..."""
     sensor_loss_land_s: Positive = 5.0
     """... and for this long: land."""
+    doubt_beams: bool = True
+    """Doubt beams that measure, too (stuck, jumping, contradicting the others ...)."""
     state_loss_land_s: Positive = 2.0
     flapping_holds: int = Field(default=10, ge=2)
     """The same fault, gone and back this often ..."""

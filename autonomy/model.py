@@ -268,6 +268,33 @@ class OperatorCommand(StrEnum):
     LAND = "land"
 
 
+class BeamWord(StrEnum):
+    """The health of a range beam in a word; anything but OK is not believed."""
+
+    OK = "ok"
+    STALE = "stale"  # nothing was heard of it lately
+    NO_SIGNAL = "no signal"  # it answers, and cannot measure
+    TOO_NEAR = "too near"  # it sees something on its own lens
+    STUCK = "stuck"  # it repeats itself while the vehicle moves
+    SATURATED = "saturated"  # it says that nothing is there, and others see something
+    JUMPING = "jumping"  # far noisier than it claims
+    CROSS_TALK = "cross-talk"  # it repeats another beam
+    INCONSISTENT = "inconsistent"  # it contradicts the others, or the vehicle's own motion
+
+
+class BeamDoubt(msgspec.Struct, frozen=True):
+    """A beam that is not believed since `since_s`; `why` is a sentence without its name.
+
+    `covered_by`: the beam that the turning brings over its direction next, "" for none.
+    """
+
+    beam: str
+    word: BeamWord
+    since_s: float
+    why: str
+    covered_by: str = ""
+
+
 class GuardReport(msgspec.Struct, frozen=True):
     """What the guard did to a setpoint. No violation: `limits` is empty, nothing was changed."""
 
@@ -314,6 +341,8 @@ class Decision(msgspec.Struct, frozen=True):
     """What counts as wrong (`mission.failsafe.Fault`), strongest response first."""
     walls: WallFixReport | None = None
     """What moved the mission frame; None before arming."""
+    doubts: tuple[BeamDoubt, ...] = ()
+    """The beams that are not believed now."""
 
 
 class Command(msgspec.Struct, frozen=True):

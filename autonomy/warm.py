@@ -11,6 +11,7 @@ from numba.core.dispatcher import Dispatcher
 from autonomy.estimation import kernels as estimation
 from autonomy.kernel_cache import VARIABLE, is_temporary
 from autonomy.perception import kernels as perception
+from autonomy.perception.doubt import kernels as doubt
 from autonomy.t3drm import kernels as t3drm
 from autonomy.t3drm import planner
 
@@ -27,6 +28,7 @@ def warm_up(note: Callable[[str], None] | None = None) -> None:
     with event.install_listener("numba:compile", compiling):
         estimation.warm_up()
         perception.warm_up()
+        doubt.warm_up()
         planner.warm_up()
     compiling.finish()
 
@@ -38,7 +40,7 @@ class _Compiling(event.Listener):  # type: ignore[misc, unused-ignore]  # numba 
         self._note = note
         self._waiting = {
             kernel.py_func
-            for module in (estimation, perception, t3drm)
+            for module in (estimation, perception, doubt, t3drm)
             for kernel in vars(module).values()
             if isinstance(kernel, Dispatcher)
         }

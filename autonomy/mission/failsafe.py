@@ -30,8 +30,9 @@ class Fault(StrEnum):
     ESTIMATOR_DIVERGED = "estimator_diverged"
     POSITION_UNCERTAIN = "position_uncertain"
     POSITION_JUMPED = "position_jumped"
-    BEAM_SILENT_LONG = "beam_silent_long"
-    BEAM_SILENT = "beam_silent"
+    BEAMS_LOST_LONG = "beams_lost_long"
+    BEAMS_LOST = "beams_lost"
+    BEAM_DOUBTED = "beam_doubted"
     FENCE_LEFT_FAR = "fence_left_far"
     FENCE_LEFT = "fence_left"
     DRIFT_LONG = "drift_long"
@@ -116,19 +117,24 @@ RULES: Mapping[Fault, Rule] = {
         _E.FAILSAFE,
         flapping=_R.LAND,
     ),
-    Fault.BEAM_SILENT_LONG: Rule(
-        "a horizontal beam silent for `failsafe.sensor_loss_land_s`",
+    Fault.BEAMS_LOST_LONG: Rule(
+        "two horizontal beams lost for `failsafe.sensor_loss_land_s`",
         _R.LAND,
         _E.FAILSAFE,
         key="failsafe.sensor_loss",
     ),
-    Fault.BEAM_SILENT: Rule(
-        "a horizontal beam silent for `failsafe.sensor_loss_hold_s`",
+    Fault.BEAMS_LOST: Rule(
+        "two horizontal beams lost: silent for `failsafe.sensor_loss_hold_s`, or doubted",
         _R.HOLD,
         _E.FAILSAFE,
         flapping=_R.LAND,
         key="failsafe.sensor_loss",
         clear_s=_CLEAR_S,
+    ),
+    Fault.BEAM_DOUBTED: Rule(
+        "one horizontal beam lost just now; the others cover for it, at half the speed",
+        _R.STOP,
+        _E.FAILSAFE,
     ),
     Fault.FENCE_LEFT_FAR: Rule(
         "`failsafe.fence_land_m` outside the geofence", _R.LAND, _E.FAILSAFE, confirm_s=0.2
@@ -209,8 +215,9 @@ def found(config: Config, fault: Fault, why: str) -> Found:
 class Situation(msgspec.Struct, frozen=True):
     """What the detectors look at.
 
-    `state_lost_s` is how long the fused state has not been ok; `silent_beams` maps each horizontal
-    beam without a fresh reading to the age of its last one; `mission_s` is the time since arming,
+    `state_lost_s` is how long the fused state has not been ok; `beams_lost` is for how long too
+    few horizontal beams have been left, and which are lost (`Lookout.too_few`), `beam_lost_now`
+    why one was lost at this tick, "" for none; `mission_s` is the time since arming,
     `path_m` the way flown since; `jump_m` how far PX4's frame jumped at this tick; `outside_m` how
     far outside the fence the vehicle is (negative inside); `drift_m` how far it was flown lately
     elsewhere than asked for, `drift_s` for how long that has been over
@@ -220,7 +227,8 @@ class Situation(msgspec.Struct, frozen=True):
     status: VehicleStatus
     fused: FusedState
     state_lost_s: float = 0.0
-    silent_beams: Mapping[str, float] = {}
+    beams_lost: tuple[float, str] | None = None
+    beam_lost_now: str = ""
     mission_s: float = 0.0
     path_m: float = 0.0
     jump_m: float = 0.0
@@ -282,14 +290,12 @@ def _position(config: Config, now: Situation) -> list[_Sentence]:
 
 
 def _beams(config: Config, now: Situation) -> list[_Sentence]:
-    if not now.silent_beams:
-        return []
-    limits = config.failsafe
-    name, age_s = max(now.silent_beams.items(), key=lambda item: item[1])
-    why = f"beam {name} has been silent for {age_s:.1f} s"
-    if age_s > limits.sensor_loss_land_s:
-        return [(Fault.BEAM_SILENT_LONG, why)]
-    return [(Fault.BEAM_SILENT, why)] if age_s > limits.sensor_loss_hold_s else []
+    if now.beams_lost is not None:
+        lost_s, which = now.beams_lost
+        why = f"too few range beams are left, lost: {which}, for {lost_s:.1f} s"
+        long = lost_s > config.failsafe.sensor_loss_land_s
+        return [(Fault.BEAMS_LOST_LONG if long else Fault.BEAMS_LOST, why)]
+    return [(Fault.BEAM_DOUBTED, now.beam_lost_now)] if now.beam_lost_now else []
 
 
 def _motion(config: Config, now: Situation) -> list[_Sentence]:

@@ -48,8 +48,6 @@ from autonomy.t3drm.planner import Planner
 from hal.frames import Vector3, horizontal_norm
 
 _AT_REST_M_S = 0.05
-_SWEEP_RAD = math.radians(100.0)
-"""A quarter turn of four beams, and a little more so that the ends overlap."""
 _DISC_UNDER_VEHICLE_M = 0.14
 _BACK_WITHIN_M = 0.1
 _CLOSED_FOR_S, _CLOSED_GAP_S = 0.5, 0.2
@@ -141,7 +139,10 @@ class Navigation:
                 tick.entered_s = tick.now_s
                 self._steering.scan.restart()
             return None
-        if abs(self._steering.scan.turned_rad) < _SWEEP_RAD or tick.elapsed_s < self._look_for_s:
+        if (
+            abs(self._steering.scan.turned_rad) < self._sensing.lookout.now.sweep_rad
+            or tick.elapsed_s < self._look_for_s
+        ):
             return None
         self._look_for_s = 0.0
         self._heights.looked_round(tick.fused.point)

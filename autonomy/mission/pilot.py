@@ -83,6 +83,9 @@ class Pilot:
             raise ValueError(f"time ran backwards: {inputs.now_s} s after {self._last_s} s")
         tick = self._tick(inputs, self._sensing.step(inputs))
         self._responding.listen(tick)
+        tick.events.extend(self._sensing.lookout.news)
+        if self._sensing.lookout.lost_now:
+            self._steering.scan.restart()
         for command in inputs.commands:
             self._go(tick, self._orders.obey(tick, command))
         self._go(tick, self._orders.stay(tick))
@@ -222,4 +225,5 @@ class Pilot:
             height_m=self._heights.flown_at_m if navigating else None,
             faults=tuple(fault.fault.value for fault in tick.faults),
             walls=self._sensing.walls,
+            doubts=self._sensing.lookout.doubts,
         )

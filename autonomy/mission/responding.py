@@ -121,7 +121,8 @@ class Responding:
             status=self._status(tick),
             fused=tick.fused,
             state_lost_s=self._sensing.state_lost_s(tick.now_s),
-            silent_beams=self._silent_beams(tick),
+            beams_lost=self._sensing.lookout.too_few(tick.now_s),
+            beam_lost_now=self._sensing.lookout.lost_now,
             mission_s=tick.now_s - self._armed_s if self._armed_s is not None else 0.0,
             path_m=self._trail.flown_m,
             jump_m=jump_m,
@@ -152,14 +153,6 @@ class Responding:
             why = f"{who} switched the vehicle to {status.mode.value}; this service lets go"
             return fault, why
         return None
-
-    def _silent_beams(self, tick: Tick) -> dict[str, float]:
-        """Horizontal beams without a fresh reading, silent only for as long as this loop has
-        listened: one that stood still hears first whether PX4's failsafe has the vehicle.
-        """
-        listened_s = tick.now_s - self._listening_since_s
-        silent = self._sensing.silent_horizontal_beams(tick.now_s)
-        return {name: min(age_s, listened_s) for name, age_s in silent.items()}
 
     def _status(self, tick: Tick) -> VehicleStatus:
         """The vehicle's status, silent only for as long as this loop has listened."""

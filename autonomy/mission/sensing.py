@@ -12,7 +12,9 @@ from autonomy.config import Config
 from autonomy.estimation.fusion import Fusion
 from autonomy.estimation.wall_fix import WallFix
 from autonomy.geometry import Point
+from autonomy.mission.coverage import Lookout
 from autonomy.model import FusedState, Inputs, WallFixReport
+from autonomy.perception.doubt.doubter import Doubt
 from autonomy.perception.obstacle_map import ObstacleMap
 from autonomy.perception.projection import Projector, Ray, RayKind
 from autonomy.perception.storey_maps import StoreyMaps
@@ -21,6 +23,8 @@ from hal.readings import RangeReading, RangeStatus
 
 _UPWARDS_DEG = 60.0
 _THIN_DEG = 3.0
+_UNDER_VEHICLE_M = 0.14
+"""The vehicle stands there: free, whatever is forgotten."""
 
 
 class Room(msgspec.Struct, frozen=True):
@@ -37,6 +41,9 @@ class Sensing:
         self._config = config
         self._fusion = Fusion(config.estimation, config.beams)
         self._projector = Projector(config.beams, config.body.half_height_m)
+        self._doubt = Doubt(config.beams, config.body, thorough=config.failsafe.doubt_beams)
+        self.lookout = Lookout(config)
+        """Which beams are lost, and how to fly with those that are left."""
         self.maps = StoreyMaps(config.map, config.body.radius_m, config.guard.fence)
         """One map for each height of flight."""
         self._between_heights = True
@@ -72,13 +79,14 @@ class Sensing:
         """Fuse this tick's readings, update the map, return the state in the mission frame."""
         if self._first_s is None:
             self._first_s = inputs.now_s
-        for reading in inputs.ranges:
+        ranges = self._doubt.judge(inputs.ranges)
+        for reading in ranges:
             self.newest[reading.beam] = reading
             if reading.status not in (RangeStatus.NO_SIGNAL, RangeStatus.SUSPECT):
                 self._measured_s[reading.beam] = reading.stamp_s
                 self._measured[reading.beam] = reading
         local = self._fusion.step(
-            inputs.now_s, inputs.local_position, inputs.attitude, inputs.gnss, inputs.ranges
+            inputs.now_s, inputs.local_position, inputs.attitude, inputs.gnss, ranges
         )
         shift = local.frame_shift_ned_m
         self.jump_m = norm(shift) if self._home_fixed and shift != ZERO3 else 0.0
@@ -92,10 +100,12 @@ class Sensing:
             position_ned_m=subtract(local.position_ned_m, self.home_ned_m),
             frame_shift_ned_m=ZERO3,
         )
+        self._doubt_beams(fused, inputs)
+        ranges = self._doubt.judge(inputs.ranges)
         if fused.ok:
             self._state_lost_since_s = None
             if self._home_fixed:
-                rays = self._projector.step(fused, inputs.ranges)
+                rays = self._projector.step(fused, ranges)
                 self.map.update(inputs.now_s, () if self._between_heights else rays)
                 if self._config.estimation.walls.use:
                     self.walls = self._wall_fix.step(
@@ -118,6 +128,15 @@ class Sensing:
             and self.newest[self._thin_beams[ray.beam]].status is RangeStatus.VALID
         ]
 
+    def _doubt_beams(self, fused: FusedState, inputs: Inputs) -> None:
+        """Which beams are believed from the next step on; what a liar showed was never seen."""
+        self._doubt.learn(inputs.now_s, fused, inputs.ranges)
+        self.lookout.step(inputs.now_s, self._doubt.doubts)
+        if self._doubt.disputed:
+            self.map.forget_cones(self._doubt.disputed)
+        if self._doubt.lied_since_s is not None and self._home_fixed:
+            self.map.forget_seen_since(self._doubt.lied_since_s, fused.point, _UNDER_VEHICLE_M)
+
     def state_lost_s(self, now_s: float) -> float:
         """How long the state has not been usable."""
         since = self._state_lost_since_s
@@ -134,12 +153,6 @@ class Sensing:
             for name, age_s in ages.items()
             if age_s > limit_s or name not in self._measured_s
         }
-
-    def silent_horizontal_beams(self, now_s: float) -> dict[str, float]:
-        """`silent_beams` of those that map the plane of flight."""
-        silent = self.silent_beams(now_s)
-        horizontal = [mount.name for mount in self._config.beams.mounts if mount.horizontal]
-        return {name: silent[name] for name in horizontal if name in silent}
 
     def room_above_m(self) -> float | None:
         """What the beam that looks up measured last; None when it saw nothing."""

@@ -55,6 +55,7 @@ class Steering:
             guidance,
             self._config.beams.max_m,
         )
+        tick.speed_limit_m_s = min(tick.speed_limit_m_s, self._sensing.lookout.speed_max_m_s)
         if tick.slow:
             tick.speed_limit_m_s = min(tick.speed_limit_m_s, guidance.speed_min_m_s)
         speed_m_s = arrival_speed(path.remaining_m, tick.speed_limit_m_s)

@@ -6,7 +6,7 @@ time stamp of the last sight per cell. README.md explains the rules and shows a 
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -186,6 +186,26 @@ class ObstacleMap:
         self._open_bits.fill(0)
         self._hits = None
         self._count_changes()
+
+    def forget_seen_since(self, since_s: float, point: Point, keep_disc_m: float) -> None:
+        """What was seen free at `since_s` or later was not seen, except the disc around `point`.
+
+        For a beam that turns out to have lied: the hits stay, and nothing moves before the other
+        beams have looked again.
+        """
+        now_s = self._now_s
+        self._seen[self._seen >= since_s] = -np.inf
+        if now_s is not None:
+            self.mark_seen_disc(point, keep_disc_m, now_s)
+
+    def forget_cones(self, beams: Collection[int]) -> None:
+        """What wide beams (numbered as in `Ray.beam`) showed as free no longer narrows down hits.
+
+        For a hit where another beam saw nothing a moment before: one of the two is wrong, or
+        something came, and then it is there.
+        """
+        theirs = np.isin(self._cones[:, kernels.C_BEAM], list(beams))
+        self._cones[theirs, kernels.C_STAMP] = -np.inf
 
     def forget_all(self, point: Point, keep_disc_m: float) -> None:
         """Forget the whole map except that the disc around `point` was seen.

@@ -45,6 +45,7 @@ def explain(history: History, at_s: float) -> str:
         *_since(history, index),
         *_where(history, moment),
         *_speed(history, moment),
+        *_beams(history, moment),
         *_guard(moment),
         *_plan(history, moment),
         *_next(history, index),
@@ -99,6 +100,19 @@ def speed_rule(limit_m_s: float, guidance: GuidanceConfig) -> str:
     if limit_m_s <= guidance.speed_min_m_s:
         return f"Table 2 gave the minimum, {limit_m_s:.2f} m/s: something was near."
     return f"Table 2 gave {limit_m_s:.2f} m/s, between minimum and maximum, for the clearance."
+
+
+def _beams(history: History, moment: Moment) -> list[str]:
+    """The beams that were not believed, why, since when, and what covered for them."""
+    lines = []
+    for doubt in moment.doubts:
+        since_s = doubt.since_s - history.start_s
+        by = f"; the turning covered for it, {doubt.covered_by} first" if doubt.covered_by else ""
+        lines.append(
+            f"Beam {doubt.beam} had not been believed since {since_s:.2f} s ({doubt.word}): "
+            f"{doubt.why}{by}."
+        )
+    return lines
 
 
 def _guard(moment: Moment) -> list[str]:

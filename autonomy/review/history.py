@@ -20,6 +20,7 @@ from autonomy.logbook import recorded_config
 from autonomy.mission.guarded import GuardedPilot
 from autonomy.mission.machine import OFFBOARD_STATES
 from autonomy.model import (
+    BeamDoubt,
     Command,
     Event,
     FilterHealth,
@@ -59,6 +60,7 @@ class Moment(msgspec.Struct, frozen=True):
     sent_ned_m_s: Vector3 | None
     events: tuple[Event, ...]
     health: FilterHealth
+    doubts: tuple[BeamDoubt, ...] = ()
 
     @property
     def speed_m_s(self) -> float:
@@ -168,6 +170,7 @@ def _note(history: History, command: Command, guarded: GuardedPilot, step_s: flo
             sent_ned_m_s=command.setpoint.velocity_ned_m_s if command.setpoint else None,
             events=decision.events,
             health=fused.health if fused is not None else FilterHealth(),
+            doubts=decision.doubts,
         )
     )
     history.limits.update(command.guard.limits)

@@ -73,7 +73,8 @@ class BeamView(msgspec.Struct, frozen=True):
 
     name: str
     health: str
-    """ok, silent, doubted, no signal, not heard yet."""
+    """ok, silent, doubted, no signal, not heard yet; in flight also stale, too near, stuck,
+    saturated, jumping, cross-talk, inconsistent."""
     sees: str
     """hit, clear, too near, nothing."""
     range_m: float | None

@@ -162,6 +162,14 @@ class _Newest(Collector):
         if command is None:
             return
         decision = command.decision
+        doubted = {doubt.beam: doubt.word.value for doubt in decision.doubts}
+        believed = GaugeMetricFamily(
+            "autonomy_beam_believed", "0 while a beam is doubted, and why.", labels=["beam", "word"]
+        )
+        for mount in station.config.beams.mounts:
+            word = doubted.get(mount.name, "ok")
+            believed.add_metric([mount.name, word], float(mount.name not in doubted))
+        yield believed
         yield _gauge("autonomy_stops", "Stops of this flight.", decision.stops)
         yield _gauge("autonomy_replans", "Replans of this flight.", decision.replans)
         if decision.walls is not None:

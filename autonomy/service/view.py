@@ -2,6 +2,7 @@
 
 import math
 
+import msgspec
 import numpy as np
 
 from autonomy.config import Config
@@ -136,10 +137,16 @@ def plan(drawn: Drawn) -> PlanView | None:
 
 
 def beams(config: Config, instant: Instant, vehicle: VehicleView | None) -> tuple[BeamView, ...]:
-    """Every configured beam, heard or not."""
-    return tuple(
+    """Every configured beam, heard or not; of one that is doubted in flight, why in a word."""
+    doubts = instant.command.decision.doubts if instant.command is not None else ()
+    words = {doubt.beam: doubt.word.value for doubt in doubts}
+    seen = (
         _beam(mount, instant.readings.get(mount.name), config, instant.now_s, vehicle)
         for mount in config.beams.mounts
+    )
+    return tuple(
+        msgspec.structs.replace(beam, health=words[beam.name]) if beam.name in words else beam
+        for beam in seen
     )
 
 

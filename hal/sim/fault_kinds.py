@@ -77,6 +77,46 @@ class BeamCrosstalk(FaultWindow):
     probability: Probability = 0.3
 
 
+class BeamConstant(FaultWindow):
+    """One beam, or all, says one and the same: `range_m`, or nothing in range without it."""
+
+    kind: Literal["beam_constant"]
+    beam: str | None = None
+    range_m: NonNegative | None = None
+
+
+class BeamBlocked(FaultWindow):
+    """One beam, or all, looks at something on its own lens: too near to measure."""
+
+    kind: Literal["beam_blocked"]
+    beam: str | None = None
+
+
+class BeamJump(FaultWindow):
+    """One beam, or all, now and then measures up to `by_m` too far or too near."""
+
+    kind: Literal["beam_jump"]
+    beam: str | None = None
+    by_m: Positive = 0.5
+    probability: Probability = 0.3
+
+
+class BeamSlow(FaultWindow):
+    """One beam, or all, measures only `rate_hz` times a second."""
+
+    kind: Literal["beam_slow"]
+    beam: str | None = None
+    rate_hz: Positive = 4.0
+
+
+class BeamVariance(FaultWindow):
+    """One beam, or all, claims `factor` times the variance that it has."""
+
+    kind: Literal["beam_variance"]
+    beam: str | None = None
+    factor: Positive = 0.01
+
+
 # ---------------------------------------------------------------- the autopilot's estimate
 
 
@@ -236,7 +276,17 @@ class LinkPackets(FaultWindow):
     direction: Direction = "both"
 
 
-BeamKind = BeamFault | BeamNoise | BeamBias | BeamCrosstalk
+BeamKind = (
+    BeamFault
+    | BeamNoise
+    | BeamBias
+    | BeamCrosstalk
+    | BeamConstant
+    | BeamBlocked
+    | BeamJump
+    | BeamSlow
+    | BeamVariance
+)
 PositionKind = PositionFault | PositionNoise
 EstimateKind = PositionDrift | EkfReset
 GnssKind = GnssLoss | GnssJump | GnssDrift | GnssNoise

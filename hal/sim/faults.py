@@ -16,9 +16,15 @@ from hal.readings import FixType, GnssFix, LocalPosition, RangeReading, RangeSta
 from hal.sim.fault_clock import FaultClock
 from hal.sim.fault_kinds import (
     BeamBias,
+    BeamBlocked,
+    BeamConstant,
     BeamCrosstalk,
+    BeamFault,
+    BeamJump,
     BeamKind,
     BeamNoise,
+    BeamSlow,
+    BeamVariance,
     FaultWindow,
     GnssDrift,
     GnssJump,
@@ -28,6 +34,9 @@ from hal.sim.fault_kinds import (
     PositionNoise,
 )
 from hal.sim.sensors import BeamSampler
+
+_PHASE_S = 0.005
+"""A reading this much early counts as being in time."""
 
 
 def with_beam_faults(
@@ -77,6 +86,7 @@ class FaultyBeams:
         self._clock = clock
         self._heard: dict[str, RangeReading] = {}
         self._last: dict[str, RangeReading] = {}
+        self._passed_s: dict[str, float] = {}
 
     @property
     def beams(self) -> tuple[str, ...]:
@@ -109,12 +119,35 @@ class FaultyBeams:
         return spoilt
 
     def _apply(self, fault: BeamKind, reading: RangeReading) -> RangeReading | None:
+        if isinstance(fault, BeamFault):
+            return self._failed(fault, reading)
+        if isinstance(fault, BeamCrosstalk):
+            return self._crossed(fault, reading)
+        if isinstance(fault, BeamSlow):
+            return self._slower(fault, reading)
+        return self._measured_wrongly(fault, reading)
+
+    def _measured_wrongly(
+        self,
+        fault: BeamNoise | BeamBias | BeamJump | BeamConstant | BeamBlocked | BeamVariance,
+        reading: RangeReading,
+    ) -> RangeReading:
         if isinstance(fault, BeamNoise):
             return _farther(reading, fault.sigma_m * self._rng.standard_normal())
         if isinstance(fault, BeamBias):
             return _farther(reading, fault.bias_m)
-        if isinstance(fault, BeamCrosstalk):
-            return self._crossed(fault, reading)
+        if isinstance(fault, BeamJump):
+            if self._rng.random() >= fault.probability:
+                return reading
+            return _farther(reading, fault.by_m * self._rng.uniform(-1.0, 1.0))
+        if isinstance(fault, BeamVariance):
+            claimed_m2 = reading.variance_m2 * fault.factor
+            return msgspec.structs.replace(reading, variance_m2=claimed_m2)
+        if isinstance(fault, BeamBlocked):
+            return _saying(reading, reading.min_m - 1.0)
+        return _saying(reading, math.inf if fault.range_m is None else fault.range_m)
+
+    def _failed(self, fault: BeamFault, reading: RangeReading) -> RangeReading | None:
         if fault.kind == "beam_silence":
             return None
         if fault.kind == "beam_stuck":
@@ -125,6 +158,13 @@ class FaultyBeams:
         return msgspec.structs.replace(
             reading, status=RangeStatus.NO_SIGNAL, range_m=0.0, variance_m2=unknown
         )
+
+    def _slower(self, fault: BeamSlow, reading: RangeReading) -> RangeReading | None:
+        last_s = self._passed_s.get(reading.beam, -math.inf)
+        if reading.stamp_s - last_s < 1.0 / fault.rate_hz - _PHASE_S:
+            return None
+        self._passed_s[reading.beam] = reading.stamp_s
+        return reading
 
     def _crossed(self, fault: BeamCrosstalk, reading: RangeReading) -> RangeReading:
         other = self._heard.get(fault.other)
@@ -137,14 +177,18 @@ def _farther(reading: RangeReading, by_m: float) -> RangeReading:
     """A reading that is `by_m` farther, within what the beam can say."""
     if reading.status is not RangeStatus.VALID:
         return reading
-    range_m = reading.range_m + by_m
+    return _saying(reading, reading.range_m + by_m)
+
+
+def _saying(reading: RangeReading, range_m: float) -> RangeReading:
+    """A reading of `range_m`, whatever was measured, within what the beam can say."""
     if range_m < reading.min_m:
         return msgspec.structs.replace(reading, status=RangeStatus.TOO_NEAR, range_m=reading.min_m)
     if range_m > reading.max_m:
         return msgspec.structs.replace(
             reading, status=RangeStatus.OUT_OF_RANGE, range_m=reading.max_m
         )
-    return msgspec.structs.replace(reading, range_m=range_m)
+    return msgspec.structs.replace(reading, status=RangeStatus.VALID, range_m=range_m)
 
 
 class PositionFaults:

@@ -66,19 +66,38 @@ def test_a_position_gone_for_good_lands() -> None:
 
 
 @pytest.mark.parametrize("beam", ["front", "left"])
-def test_a_beam_silent_for_a_while_holds_and_looks_round_before_it_goes_on(beam: str) -> None:
+def test_a_beam_silent_for_a_while_stops_and_looks_round_before_it_goes_on(beam: str) -> None:
     silent = BeamFault(kind="beam_silence", beam=beam, start_s=IN_CRUISE_S, duration_s=3.0)
     flight = fly(silent)
     assert flight.outcome.ending is Ending.GOAL_REACHED, flight.outcome.why
-    assert after(flight, MissionState.HOLD) is MissionState.DETECT
+    assert after(flight, MissionState.STOP) is MissionState.DETECT
+    assert MissionState.HOLD not in states(flight)
+    told = [event.why for c in flight.commands for event in c.decision.events]
+    assert any(why.startswith(f"beam {beam} is not believed (stale)") for why in told)
+    assert any(why.startswith(f"beam {beam} is believed again") for why in told)
 
 
 @pytest.mark.parametrize("kind", ["beam_silence", "beam_dropout"])
-def test_a_beam_silent_for_good_lands_and_says_which(kind: str) -> None:
-    silent = BeamFault.model_validate({"kind": kind, "beam": "back", "start_s": IN_CRUISE_S})
-    flight = fly(silent)
+def test_one_beam_lost_for_good_is_covered_for_more_slowly(kind: str) -> None:
+    lost = BeamFault.model_validate({"kind": kind, "beam": "back", "start_s": IN_CRUISE_S})
+    flight = fly(lost)
+    assert flight.outcome.ending is Ending.GOAL_REACHED, flight.outcome.why
+    later = [c.decision for c in flight.commands if c.decision.now_s > IN_CRUISE_S + 4.0]
+    assert all(d.doubts[0].beam == "back" and d.doubts[0].covered_by == "right" for d in later)
+    assert max(decision.speed_limit_m_s for decision in later) <= 0.1
+
+
+@pytest.mark.parametrize("kind", ["beam_silence", "beam_dropout"])
+def test_two_beams_lost_for_good_hold_and_land_and_say_which(kind: str) -> None:
+    lost = [
+        BeamFault.model_validate({"kind": kind, "beam": beam, "start_s": IN_CRUISE_S + later_s})
+        for beam, later_s in (("back", 0.0), ("left", 3.0))
+    ]
+    flight = fly(*lost)
     assert flight.outcome.ending is Ending.FAILSAFE
-    assert "beam back" in flight.outcome.why
+    assert "back" in flight.outcome.why
+    assert "left" in flight.outcome.why
+    assert after(flight, MissionState.HOLD) is MissionState.LAND
 
 
 def test_a_missing_beam_on_the_ground_never_arms() -> None:

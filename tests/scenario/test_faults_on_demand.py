@@ -42,12 +42,21 @@ GOAL, TAKEN = Ending.GOAL_REACHED, Ending.TAKEN_OVER
 PREFLIGHT, FAILSAFE = Ending.PREFLIGHT_REFUSED, Ending.FAILSAFE
 
 ROWS = (
-    # Range beams: what one beam hides, the others see within a turn of 1.5 s.
-    Row("beam_dropout@liftoff+10:beam=back", FAILSAFE, "beam back has been silent"),
+    # Range beams: what one beam hides, the others see within half a turn, 3 s.
+    Row("beam_dropout@liftoff+10:beam=back", GOAL, "from the goal"),
+    Row("beam_dropout@liftoff+10", FAILSAFE, "too few range beams are left"),
     Row("beam_dropout@liftoff+10/1", GOAL, "from the goal"),
-    Row("beam_silence@liftoff+10", FAILSAFE, "beam "),
+    Row("beam_silence@liftoff+10", FAILSAFE, "too few range beams are left"),
     Row("beam_silence@liftoff+10/2:beam=left", GOAL, "from the goal"),
     Row("beam_stuck@liftoff+10:beam=front", GOAL, "from the goal", world="default"),
+    Row("beam_stuck@liftoff+10", FAILSAFE, "too few range beams are left", world="default"),
+    Row("beam_constant@liftoff+10", FAILSAFE, "too few range beams are left", world="default"),
+    Row("beam_constant", FAILSAFE, "too few range beams are left"),
+    Row("beam_constant@liftoff+10:beam=left,range_m=0.5", GOAL, "from the goal", world="default"),
+    Row("beam_blocked@liftoff+10:beam=right", GOAL, "from the goal", world="default"),
+    Row("beam_jump@liftoff+10:beam=right", GOAL, "from the goal", world="default"),
+    Row("beam_slow@liftoff+10:beam=back", GOAL, "from the goal", world="default"),
+    Row("beam_variance:beam=back", GOAL, "from the goal", world="default"),
     Row("beam_noise:sigma_m=0.05", GOAL, "from the goal", world="default"),
     Row("beam_bias:bias_m=0.05", GOAL, "from the goal", world="default"),
     Row("beam_bias:beam=front,bias_m=-0.05", GOAL, "from the goal", world="default"),

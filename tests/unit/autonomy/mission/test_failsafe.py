@@ -31,12 +31,12 @@ def faults(
     status: VehicleStatus = STATUS,
     fused: FusedState = FUSED,
     lost_s: float = 0.0,
-    silent: dict[str, float] | None = None,
+    beams_lost: tuple[float, str] | None = None,
     mission_s: float = 10.0,
     config: Config = CONFIG,
     **rest: float | bool,
 ) -> list[Fault]:
-    known = Situation(status, fused, lost_s, silent or {}, mission_s)
+    known = Situation(status, fused, lost_s, beams_lost, mission_s=mission_s)
     return [f.fault for f in detect(config, msgspec.structs.replace(known, **rest))]
 
 
@@ -74,11 +74,19 @@ def test_a_lost_state_holds_first_and_lands_later() -> None:
     assert faults(fused=LOST, lost_s=LIMITS.state_loss_land_s + 0.01) == [Fault.STATE_LOST_LONG]
 
 
-def test_a_silent_beam_is_forgiven_then_holds_then_lands() -> None:
-    assert faults(silent={"front": LIMITS.sensor_loss_hold_s}) == []
-    assert faults(silent={"front": LIMITS.sensor_loss_hold_s + 0.01}) == [Fault.BEAM_SILENT]
-    long = {"left": 0.6, "front": LIMITS.sensor_loss_land_s + 0.01}
-    assert faults(silent=long) == [Fault.BEAM_SILENT_LONG]
+def test_too_few_beams_hold_first_and_land_later() -> None:
+    limit_s = LIMITS.sensor_loss_land_s
+    assert faults(beams_lost=None) == []
+    assert faults(beams_lost=(limit_s, "front, left")) == [Fault.BEAMS_LOST]
+    assert faults(beams_lost=(limit_s + 0.01, "front, left")) == [Fault.BEAMS_LOST_LONG]
+
+
+def test_one_beam_lost_stops_to_look_and_more_of_them_do_more() -> None:
+    one = Situation(STATUS, FUSED, beam_lost_now="lost: beam front")
+    (found,) = detect(CONFIG, one)
+    assert (found.fault, found.response) == (Fault.BEAM_DOUBTED, Response.STOP)
+    two = msgspec.structs.replace(one, beams_lost=(0.0, "front, left"))
+    assert [item.fault for item in detect(CONFIG, two)] == [Fault.BEAMS_LOST]
 
 
 def test_the_time_limit_ends_the_mission() -> None:
@@ -132,7 +140,7 @@ def test_a_drift_holds_first_and_lands_when_it_lasts_or_leads_to_something() -> 
 
 
 def test_the_strongest_response_comes_first() -> None:
-    found = detect(CONFIG, Situation(STATUS, LOST, 0.5, {"front": 1.0}, 1e6))
+    found = detect(CONFIG, Situation(STATUS, LOST, 0.5, (1.0, "front, left"), mission_s=1e6))
     assert [f.response for f in found] == sorted((f.response for f in found), reverse=True)
     assert found[0] == Found(Fault.TIME_OVER, found[0].why, Response.LAND)
     assert found[0].ending is Ending.BUDGET

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 from dataclasses import replace
 
@@ -7,6 +8,8 @@ import pytest
 
 from autonomy.config import Config
 from autonomy.model import (
+    BeamDoubt,
+    BeamWord,
     Command,
     Decision,
     Environment,
@@ -126,6 +129,19 @@ def test_a_beam_points_where_its_mount_and_the_heading_say() -> None:
     assert (right.sees, right.range_m, right.health) == ("hit", 0.5, "ok")
     assert beams["front"].health == "not heard yet"
     assert beams["up"].bearing_rad is None
+
+
+def test_a_beam_that_is_doubted_in_flight_says_why_in_a_word() -> None:
+    told = station()
+    instant = told.instant
+    assert instant is not None
+    assert instant.command is not None
+    doubt = BeamDoubt("right", BeamWord.STUCK, 1.0, "it says one thing")
+    decision = msgspec.structs.replace(instant.command.decision, doubts=(doubt,))
+    command = msgspec.structs.replace(instant.command, decision=decision)
+    told.instant = dataclasses.replace(instant, command=command)
+    health = {beam.name: beam.health for beam in view.state(told).beams}
+    assert (health["right"], health["front"]) == ("stuck", "not heard yet")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,63 @@
+"""Stuck: the same value again and again, while the vehicle moves.
+
+A vehicle at rest in front of a wall repeats a range rightly, with a coarse driver for minutes. So
+a horizontal beam must have been turned by more than any surface keeps its distance for, an
+upright one must have been moved along its axis; or it is quieter than itself has ever been.
+"""
+
+import math
+from collections.abc import Sequence
+
+from autonomy.model import BeamWord
+from autonomy.perception.doubt import kernels
+from autonomy.perception.doubt.evidence import BeamEvidence
+from autonomy.perception.doubt.suspicion import Suspicion
+
+_RUN_TURNING, _TURN_RAD = 16, math.radians(80.0)
+"""A cone of 25 deg keeps the distance of a pillar for 65 deg of turning, a wall's for less."""
+_RUN_MOVING, _MOVE_M = 12, 0.15
+_RUN_QUIET, _TIMES_LONGEST, _FLOWN_MIN = 60, 4.0, 200
+_BLIND = 10
+_AS_LONG = 0.9
+
+
+def find_turning(evidence: BeamEvidence) -> Suspicion | None:
+    """A horizontal beam that says one value all through a turn of 80 degrees."""
+    if evidence.run_status != kernels.VALID or evidence.run < _RUN_TURNING:
+        return None
+    if evidence.run_turned_rad < _TURN_RAD:
+        return None
+    turned_deg = math.degrees(evidence.run_turned_rad)
+    return Suspicion(
+        BeamWord.STUCK,
+        f"it says {evidence.run_value_m:.2f} m through a turn of {turned_deg:.0f} degrees",
+    )
+
+
+def frozen(evidence: Sequence[BeamEvidence]) -> bool:
+    """True when one beam is stuck, and all others have repeated themselves for as long.
+
+    Nothing in range counts as repeating, too: alone it is no reason to doubt.
+    """
+    stuck = [one.run for one in evidence if find_turning(one) is not None]
+    return bool(stuck) and all(one.run >= _AS_LONG * min(stuck) for one in evidence)
+
+
+def find_upright(evidence: BeamEvidence) -> Suspicion | None:
+    """A beam up or down that does not follow the height, is too quiet, or misses the floor."""
+    if evidence.stays >= _RUN_MOVING:
+        same = evidence.run >= _RUN_MOVING
+        word = BeamWord.STUCK if same else BeamWord.INCONSISTENT
+        return Suspicion(word, "its range does not change when the height does")
+    if evidence.blind >= _BLIND:
+        return Suspicion(BeamWord.SATURATED, "it does not see the floor that the vehicle left")
+    if evidence.run_status != kernels.VALID:
+        return None
+    if evidence.run >= _RUN_MOVING and evidence.run_climbed_m >= _MOVE_M:
+        moved = f"{evidence.run_climbed_m:.2f} m up or down"
+        return Suspicion(BeamWord.STUCK, f"it says {evidence.run_value_m:.2f} m through {moved}")
+    usual = max(_RUN_QUIET, _TIMES_LONGEST * evidence.longest_run)
+    if evidence.flown - evidence.run >= _FLOWN_MIN and evidence.run >= usual:
+        times = f"{evidence.run:.0f} times in a row"
+        return Suspicion(BeamWord.STUCK, f"it says {evidence.run_value_m:.2f} m {times}")
+    return None

@@ -1,0 +1,162 @@
+"""Which beams are doubted, which are believed again, and what their readings are worth then."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from autonomy.model import BeamWord
+from hal.readings import RangeReading, RangeStatus
+from hal.sim.scenario import BeamSimulation
+from tests.unit.autonomy.perception.doubt.rig import OPEN, ROOM, Turning
+
+LEVEL = ("front", "right", "back", "left")
+W = BeamWord
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    half_angle_deg=st.sampled_from([0.0, 12.5]),
+    rate_hz=st.sampled_from([10.0, 20.0]),
+    speed_m_s=st.floats(0.0, 0.2),
+)
+def test_healthy_beams_are_believed(
+    seed: int, half_angle_deg: float, rate_hz: float, speed_m_s: float
+) -> None:
+    model = BeamSimulation(half_angle_deg=half_angle_deg, rate_hz=rate_hz)
+    flown = Turning(seed=seed, speed_m_s=speed_m_s, model=model).fly(30.0)
+    assert flown.history == []
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("beam_silence", {W.STALE}),
+        ("beam_slow:rate_hz=2", {W.STALE}),
+        ("beam_dropout", {W.NO_SIGNAL}),
+        ("beam_blocked", {W.TOO_NEAR}),
+        ("beam_stuck", {W.STUCK, W.SATURATED}),
+        ("beam_constant", {W.SATURATED}),
+        ("beam_constant:range_m=0.5", {W.STUCK}),
+        ("beam_noise:sigma_m=0.15", {W.JUMPING, W.INCONSISTENT}),
+        ("beam_jump:probability=0.5", {W.JUMPING, W.INCONSISTENT}),
+        ("beam_crosstalk:probability=1.0,other={other}", {W.CROSS_TALK}),
+        ("beam_crosstalk:probability=0.3,other={other}", {W.CROSS_TALK}),
+        ("beam_bias:bias_m=-0.3", {W.INCONSISTENT}),
+        ("beam_bias:bias_m=0.3", {W.INCONSISTENT, W.SATURATED}),
+    ],
+)
+@pytest.mark.parametrize("beam", ["front", "left"])
+def test_every_kind_of_fault_is_found_by_its_name(
+    fault: str, words: set[BeamWord], beam: str
+) -> None:
+    name, _, keys = fault.partition(":")
+    keys = keys.format(other=LEVEL[(LEVEL.index(beam) + 1) % 4])
+    line = f"{name}@8:beam={beam}" + (f",{keys}" if keys else "")
+    flown = Turning(line).fly(30.0)
+    assert {doubt.beam for _, doubt in flown.history} == {beam}
+    when_s, doubt = flown.history[0]
+    assert doubt.word in words
+    assert 8.0 < when_s < 28.0
+    assert beam in flown.words()
+
+
+@pytest.mark.parametrize("fault", ["beam_silence", "beam_dropout", "beam_blocked", "beam_constant"])
+def test_a_beam_that_behaves_again_is_believed_again(fault: str) -> None:
+    flown = Turning(f"{fault}@8/6:beam=right").fly(14.0)
+    assert "right" in flown.words()
+    assert flown.fly(16.0).words() == {}
+
+
+def test_each_new_doubt_of_a_beam_lasts_longer() -> None:
+    faults = [f"beam_blocked@{at_s}/2:beam=right" for at_s in (5, 15, 30)]
+    flown = Turning(*faults)
+    lasted = []
+    since_s = None
+    for _ in range(60 * 20):
+        flown.fly(0.05)
+        if since_s is None and flown.words():
+            since_s = flown.now_s
+        elif since_s is not None and not flown.words():
+            lasted.append(flown.now_s - since_s)
+            since_s = None
+    assert len(lasted) == 3
+    assert lasted[0] < lasted[1] < lasted[2]
+
+
+def test_a_beam_that_still_contradicts_the_others_is_not_believed_again() -> None:
+    assert Turning("beam_constant@8:beam=back").fly(60.0).words() == {"back": W.SATURATED}
+
+
+def test_all_beams_that_stop_seeing_at_once_are_doubted() -> None:
+    assert set(Turning("beam_constant@8").fly(12.0).words()) >= set(LEVEL)
+
+
+def test_beams_that_never_saw_anything_are_doubted_when_the_floor_is_missed() -> None:
+    rising = Turning("beam_constant", height=lambda now_s: min(0.9, 0.15 * now_s))
+    assert set(rising.fly(8.0).words()) >= {*LEVEL, "down"}
+
+
+def test_the_open_is_no_reason_to_doubt() -> None:
+    assert Turning(room=OPEN).fly(20.0).history == []
+
+
+def test_without_motion_a_repeated_range_is_no_reason_to_doubt() -> None:
+    still = Turning(
+        rate_rad_s=0.0,
+        speed_m_s=0.0,
+        model=BeamSimulation(sigma_m=0.0, sigma_fraction=0.0, dropout_probability=0.0),
+    )
+    assert still.fly(30.0).history == []
+
+
+@pytest.mark.parametrize(("beam", "range_m"), [("down", 0.5), ("up", 0.6), ("down", 0.95)])
+def test_a_beam_up_or_down_that_does_not_follow_the_height_is_stuck(
+    beam: str, range_m: float
+) -> None:
+    def rising(now_s: float) -> float:
+        return 0.8 if now_s < 8.0 else min(1.2, 0.8 + 0.1 * (now_s - 8.0))
+
+    flown = Turning(f"beam_constant@5:beam={beam},range_m={range_m}", height=rising).fly(16.0)
+    assert flown.words() == {beam: W.STUCK}
+
+
+def test_a_height_that_changes_with_healthy_beams_is_no_reason_to_doubt() -> None:
+    def waves(now_s: float) -> float:
+        return 0.9 + 0.3 * math.sin(0.5 * now_s)
+
+    assert Turning(height=waves).fly(30.0).history == []
+
+
+def test_what_is_believed_is_passed_on_untouched() -> None:
+    flown = Turning(room=OPEN).fly(1.0)
+    assert flown.doubt.judge(flown.readings) is flown.readings
+
+
+def test_a_doubted_reading_is_suspect_and_a_near_one_of_a_level_beam_no_measurement() -> None:
+    flown = Turning("beam_blocked@3:beam=front", "beam_blocked@3:beam=down").fly(6.0)
+    assert set(flown.words()) == {"front", "down"}
+
+    def judged(beam: str, range_m: float) -> RangeReading:
+        reading = RangeReading(9.0, beam, RangeStatus.VALID, range_m, 1e-4, 0.02, 1.0)
+        return flown.doubt.judge((reading,))[0]
+
+    assert judged("front", 0.5).status is RangeStatus.SUSPECT
+    assert judged("front", 0.1).status is RangeStatus.NO_SIGNAL
+    assert judged("down", 0.1).status is RangeStatus.SUSPECT
+    assert judged("left", 0.1).status is RangeStatus.VALID
+    assert judged("nobody", 0.1).status is RangeStatus.VALID
+
+
+def test_the_same_calls_give_the_same_words() -> None:
+    first, second = (Turning("beam_jump@5:beam=left", seed=3).fly(25.0) for _ in range(2))
+    assert first.history == second.history
+
+
+def test_a_loop_that_stood_still_does_not_call_the_beams_silent() -> None:
+    flown = Turning(room=ROOM).fly(3.0)
+    flown.now_s += 5.0
+    assert [d.since_s >= 8.0 for _, d in flown.fly(0.1).history] == [True] * len(flown.history)
+    assert flown.fly(2.0).words() == {}
