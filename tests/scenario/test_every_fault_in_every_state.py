@@ -115,12 +115,15 @@ def position_gone(simulation: Tampered) -> None:
     simulation.tamper = tamper
 
 
-def beam_gone(simulation: Tampered) -> None:
-    def tamper(inputs: Inputs) -> Inputs:
-        left = tuple(reading for reading in inputs.ranges if reading.beam != "front")
-        return msgspec.structs.replace(inputs, ranges=left)
+def gone(*beams: str) -> Callable[[Tampered], None]:
+    def inject(simulation: Tampered) -> None:
+        def tamper(inputs: Inputs) -> Inputs:
+            left = tuple(reading for reading in inputs.ranges if reading.beam not in beams)
+            return msgspec.structs.replace(inputs, ranges=left)
 
-    simulation.tamper = tamper
+        simulation.tamper = tamper
+
+    return inject
 
 
 def sensed(change: Callable[[FusedState], FusedState]) -> Callable[[Tampered], None]:
@@ -196,8 +199,9 @@ INJECTED: dict[Fault, tuple[Callable[[Tampered], None], str]] = {
     Fault.ESTIMATOR_DIVERGED: (uncertain(0.5, ok=False), "uncertain to 0.50 m"),
     Fault.POSITION_UNCERTAIN: (uncertain(0.25, ok=True), "uncertain to 0.25 m"),
     Fault.POSITION_JUMPED: (jumped, "PX4's frame jumped by 0.5"),
-    Fault.BEAM_SILENT: (beam_gone, "beam front has been silent"),
-    Fault.BEAM_SILENT_LONG: (beam_gone, "beam front has been silent for 5"),
+    Fault.BEAM_DOUBTED: (gone("front"), "lost: beam front"),
+    Fault.BEAMS_LOST: (gone("front", "left"), "lost: front (stale), left (stale), for"),
+    Fault.BEAMS_LOST_LONG: (gone("front", "left"), "lost: front (stale), left (stale), for 5"),
     Fault.FENCE_LEFT: (outside(0.3), "0.30 m outside the geofence"),
     Fault.FENCE_LEFT_FAR: (outside(0.9), "0.90 m outside the geofence"),
     Fault.DRIFT: (pulled, "elsewhere than asked for"),
@@ -212,7 +216,7 @@ FOUND_ELSEWHERE = {
 }
 NEEDS_TICKS = {
     Fault.STATE_LOST_LONG: 60,
-    Fault.BEAM_SILENT_LONG: 120,
+    Fault.BEAMS_LOST_LONG: 120,
     Fault.DRIFT: 60,
     Fault.DRIFT_LONG: 60,
 }

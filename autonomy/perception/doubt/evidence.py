@@ -1,7 +1,6 @@
 """What speaks against each beam, as numbers: the typed door to the compiled loops."""
 
 import math
-import struct
 from collections.abc import Iterable
 
 import msgspec
@@ -12,7 +11,6 @@ from autonomy.perception.doubt import kernels
 from hal.config import BeamsConfig
 from hal.readings import RangeReading, RangeStatus
 
-_ROW = struct.Struct(f"={kernels.READING_COLUMNS}d")
 _CODES = {
     RangeStatus.VALID: kernels.VALID,
     RangeStatus.TOO_NEAR: kernels.TOO_NEAR,
@@ -94,7 +92,6 @@ class Witness:
         self._clock[kernels.C_TIME] = -math.inf
         self._pose = np.zeros(kernels.POSE_COLUMNS)
         self._readings = np.zeros((4 * count, kernels.READING_COLUMNS))
-        self._bytes = self._readings.reshape(-1).data.cast("B")
         self.denied: tuple[int, ...] = ()
         """The beams that looked right through, in the last `take`, what another had just hit."""
         self._out = np.zeros((count, kernels.SUMMARY_COLUMNS))
@@ -111,9 +108,7 @@ class Witness:
             if count == len(self._readings):
                 self._pass_on(now_s, fused, count)
                 count = 0
-            _ROW.pack_into(
-                self._bytes,
-                count * _ROW.size,
+            self._readings[count] = (
                 beam,
                 reading.stamp_s,
                 _CODES[reading.status],
