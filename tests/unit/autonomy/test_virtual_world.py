@@ -32,7 +32,9 @@ def test_virtual_beams_replace_the_configured_ones_and_take_the_seed() -> None:
     driver = mission.config.beams.virtual()
     assert driver is not None
     assert (driver.scenario, driver.seed, driver.send) == ("default", 7, True)
-    assert mission.config.beams.latency_s == 0.0
+    beams = mission.config.beams
+    assert {beams.latency_of(mount) for mount in beams.mounts} == {0.0}
+    assert {beams.half_angle_deg(mount.name) for mount in beams.mounts} == {0.0}
     assert mission.virtual == load_scenario("default")
     assert mission.scenario is None
 
