@@ -103,6 +103,33 @@ class MapConfig(Section):
     """Guard: everything within this of the corridor's axis must have been seen."""
 
 
+class MoversConfig(Section):
+    """Moving obstacles: what is seen where it was free (autonomy/mission/making_way.py)."""
+
+    watch: bool = True
+    """False: everything is taken to stand still."""
+    expected: bool = False
+    """True: something may move from the start on, so the vehicle scans fast and trusts no old
+    sight. False: only for `remember_s` after something moved."""
+    remember_s: NonNegative = 60.0
+    scan_deg_s: Positive = 130.0
+    """How fast the vehicle turns then. At 60 deg/s a mover comes 0.3 m nearer between two looks."""
+    edge_rule_deg: Positive = 9.0
+    """`map.edge_rule_deg` then: the rays of a faster scan lie farther apart."""
+    seen_max_age_s: Positive = 8.0
+    """`map.seen_max_age_s` then: what was free may not be any more."""
+    hit_cap: int = Field(default=6, ge=1)
+    """`map.hit_cap` then: fewer looks through a hit erase it."""
+    retreat_below_m: Positive = 0.28
+    """`guidance.push_below_m` then, where the vehicle has stopped: whatever is that near may be
+    coming nearer."""
+    retreat_speed_m_s: Positive = 0.12
+    clearance_m: Positive = 0.2
+    """Beyond body and mover: nearer than this nothing may be predicted to come."""
+    horizon_s: Positive = 4.0
+    """How far ahead it is predicted."""
+
+
 class StoreysConfig(Section):
     """Over and under: the heights of flight in the altitude band (autonomy/t3drm/over_under.py)."""
 
@@ -340,6 +367,7 @@ class Config(Section):
     gnss: GnssConfig = Field(default_factory=AutopilotGnssConfig)
     estimation: EstimationConfig = Field(default_factory=EstimationConfig)
     map: MapConfig = Field(default_factory=MapConfig)
+    movers: MoversConfig = Field(default_factory=MoversConfig)
     planner: PlannerConfig = Field(default_factory=PlannerConfig)
     guidance: GuidanceConfig = Field(default_factory=GuidanceConfig)
     guard: GuardConfig = Field(default_factory=GuardConfig)

@@ -4,6 +4,7 @@ Everything here is an immutable record without behaviour beyond derivation. `Inp
 `Decision` are what the flight log stores; they restore bit for bit.
 """
 
+import math
 from enum import StrEnum
 
 import msgspec
@@ -162,6 +163,28 @@ class Obstacle(msgspec.Struct, frozen=True, gc=False):
     linearity: float
     regularity: float
     death_m: float
+
+
+class MovingObstacle(msgspec.Struct, frozen=True):
+    """Something that was not there before: a disc, where it is now and where it is going.
+
+    `sigma_m` and `speed_sigma_m_s` are one sigma of each component; `seen_s` is when a beam met it
+    last; `moving` is False while that is not certain yet.
+    """
+
+    name: int
+    point: Point
+    velocity_ne_m_s: Point
+    radius_m: float
+    sigma_m: float
+    speed_sigma_m_s: float
+    seen_s: float
+    moving: bool
+
+    @property
+    def speed_m_s(self) -> float:
+        """How fast it goes."""
+        return math.hypot(*self.velocity_ne_m_s)
 
 
 class LegKind(StrEnum):
@@ -343,6 +366,8 @@ class Decision(msgspec.Struct, frozen=True):
     """What moved the mission frame; None before arming."""
     doubts: tuple[BeamDoubt, ...] = ()
     """The beams that are not believed now."""
+    movers: tuple[MovingObstacle, ...] = ()
+    """What is known to move, or new and not yet known to stand."""
 
 
 class Command(msgspec.Struct, frozen=True):

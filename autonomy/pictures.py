@@ -11,7 +11,7 @@ from typing import Any
 from autonomy.errors import BadInput
 from autonomy.model import NoPlan, ObstacleKind, Plan
 from hal.config import Fence
-from hal.sim.scenario import Box, Disc, Scenario, Wall
+from hal.sim.scenario import Box, Disc, Mover, Scenario, Wall
 
 PointNE = tuple[float, float]
 
@@ -48,11 +48,54 @@ def draw_scenario(axes: Any, scenario: Scenario, *, legend: bool = True) -> None
             else:
                 corners = [_en(corner) for corner in obstacle.footprint.corners()]
                 axes.add_patch(Polygon(corners, closed=True, **style))
+    for mover in scenario.movers:
+        _draw_mover(axes, mover)
     _draw_start(axes, scenario)
     _draw_goal(axes, scenario.goal_ne_m, reachable=scenario.reachable)
     _frame(axes, scenario)
     if legend:
         _legend(axes, scenario)
+
+
+def _draw_mover(axes: Any, mover: Mover) -> None:
+    """Where it begins, and where it goes: its path dotted, the area that it wanders in tinted."""
+    from matplotlib.patches import Circle, Rectangle
+
+    path = mover.path_ne_m
+    ring = (*path, path[0]) if mover.then == "circle" and mover.wander is None else path
+    axes.plot(*_columns(ring), color=PURPLE, ls=(0, (1, 1.5)), lw=1.4, zorder=3.6)
+    if mover.wander is not None:
+        (n0, e0), (n1, e1) = mover.wander.low_ne_m, mover.wander.high_ne_m
+        axes.add_patch(
+            Rectangle((e0, n0), e1 - e0, n1 - n0, fc=PURPLE, ec="none", alpha=0.12, zorder=2.1)
+        )
+    axes.add_patch(
+        Circle(_en(path[0]), mover.radius_m, fc=PURPLE, ec=PAPER, lw=1.0, alpha=0.9, zorder=5.5)
+    )
+
+
+def draw_trails(
+    axes: Any,
+    trails: Sequence[tuple[float, Sequence[PointNE]]],
+    *,
+    every: int = 1,
+    colour: str = PURPLE,
+) -> None:
+    """Where movers have been: (radius_m, places oldest first) each, paler the longer ago; the last
+    place is drawn full. A disc is drawn at every `every`-th place.
+    """
+    from matplotlib.patches import Circle
+
+    for radius_m, places in trails:
+        shown = list(places[::-1][::every])[::-1]
+        for number, place in enumerate(shown, start=1):
+            last = number == len(shown)
+            alpha = 0.9 if last else 0.08 + 0.32 * number / len(shown)
+            axes.add_patch(
+                Circle(_en(place), radius_m, fc=colour, ec=PAPER, lw=0.8, alpha=alpha, zorder=4.4)
+            )
+        if len(places) > 1:
+            axes.plot(*_columns(places), color=colour, lw=1.0, alpha=0.6, zorder=4.45)
 
 
 def draw_flight(
@@ -301,6 +344,8 @@ def _legend(axes: Any, scenario: Scenario) -> None:
     entries.insert(
         1, Line2D([], [], marker=goal[0], color=goal[1], ls="", ms=goal[2], mec=INK, label=goal[3])
     )
+    if scenario.movers:
+        entries.append(Line2D([], [], marker="o", color=PURPLE, ls=":", ms=9, label="walks"))
     if any(o.height_m is not None or o.base_m > 0.0 for o in scenario.obstacles):
         entries.append(Patch(fc=LOW, ec=SOLID_EDGE, hatch="////", label="not full height"))
     axes.legend(

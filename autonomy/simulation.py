@@ -28,7 +28,7 @@ from hal.sim.faults import GnssFaults, PositionFaults, with_beam_faults
 from hal.sim.scenario import Scenario, VehicleSimulation
 from hal.sim.sensors import EstimatorError, SimulatedBeams, SimulatedGnss
 from hal.sim.vehicle import SimVehicle
-from hal.sim.world import World
+from hal.sim.world import Contact, World
 
 _BOOT_S = 6.0
 """The autopilot's time from power to armable; flown through before the mission starts."""
@@ -56,6 +56,8 @@ class SimulatedFlight:
     height_changes: int
     track: list[Point] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
+    contacts: list[tuple[MissionState, Contact]] = field(default_factory=list)
+    """The beginning of every touch, and the state of the mission then."""
 
 
 class Simulation:
@@ -173,7 +175,8 @@ class _Book:
         self._airborne_from_s: float | None = None
         self._navigating: list[float] = []
         self._clearance_m = float("inf")
-        self._collided = False
+        self._contacts: list[tuple[MissionState, Contact]] = []
+        self._touching: str | None = ""
         self._max_speed_m_s = 0.0
         self._length_m = 0.0
         self._planning = PlanningTime()
@@ -203,14 +206,20 @@ class _Book:
         if self.track:
             self._length_m += distance(self.track[-1], point)
         self.track.append(point)
-        clearance_m = simulation.world.clearance_m(
-            truth.position_ned_m, self._body.body_half_height_m
-        )
-        self._clearance_m = min(self._clearance_m, clearance_m)
-        self._collided |= simulation.world.collides(
-            truth.position_ned_m, self._body.body_radius_m, self._body.body_half_height_m
-        )
         velocity = truth.velocity_ned_m_s
+        world, body = simulation.world.at(truth.stamp_s), self._body
+        clearance_m = world.clearance_m(truth.position_ned_m, body.body_half_height_m)
+        self._clearance_m = min(self._clearance_m, clearance_m)
+        contact = world.contact(
+            truth.stamp_s,
+            truth.position_ned_m,
+            velocity,
+            body.body_radius_m,
+            body.body_half_height_m,
+        )
+        if contact is not None and contact.label != self._touching:
+            self._contacts.append((decision.state, contact))
+        self._touching = contact.label if contact is not None else ""
         self._max_speed_m_s = max(self._max_speed_m_s, (velocity[0] ** 2 + velocity[1] ** 2) ** 0.5)
         if decision.state not in (MissionState.TAKEOFF, MissionState.LAND, MissionState.DONE):
             self._navigating.append(decision.now_s)
@@ -231,7 +240,7 @@ class _Book:
             else 0.0,
             path_length_m=self._length_m,
             true_clearance_m=self._clearance_m,
-            collided=self._collided,
+            collided=bool(self._contacts),
             stops=command.decision.stops,
             replans=command.decision.replans,
             final_error_m=self._error_m,
@@ -244,6 +253,7 @@ class _Book:
             height_changes=self._height_changes,
             track=self.track,
             commands=self.commands,
+            contacts=self._contacts,
         )
 
 

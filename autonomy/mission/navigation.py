@@ -103,12 +103,14 @@ class Navigation:
         move = self._on_other_heights(tick)
         if move is not None:
             return move
+        if self._steering.has_strayed():
+            return self.replan(tick)
         blocked_m = self._course.blocked_ahead_m()
         if blocked_m is not None:
             move = self._on_blocked(tick, blocked_m)
             if move is not None:
                 return move
-        elif self._course.is_stuck(tick):
+        elif not self._steering.makes_way and self._course.is_stuck(tick):
             return self._no_way(tick, "no progress on a path that is free", ())
         self._steering.fly(tick, self._course.path)
         return None
@@ -116,7 +118,8 @@ class Navigation:
     def _on_blocked(self, tick: Tick, blocked_m: float) -> Move | None:
         """Something known stands on the path, `blocked_m` ahead."""
         replan = self._config.mission.replan
-        if replan.mode == "rolling" or self._heights.proving:
+        rolling = replan.mode == "rolling" and not self._sensing.things_move
+        if rolling or self._heights.proving:
             if tick.now_s - self._planned_s < replan.min_interval_s:
                 return None
             return self.replan(tick)

@@ -82,6 +82,7 @@ class Pilot:
         if self._last_s is not None and inputs.now_s < self._last_s:
             raise ValueError(f"time ran backwards: {inputs.now_s} s after {self._last_s} s")
         tick = self._tick(inputs, self._sensing.step(inputs))
+        tick.movers = self._sensing.moving(tick.now_s)
         self._responding.listen(tick)
         tick.events.extend(self._sensing.lookout.news)
         if self._sensing.lookout.lost_now:
@@ -91,6 +92,7 @@ class Pilot:
         self._go(tick, self._orders.stay(tick))
         self._go(tick, self._responding.respond(tick))
         self._go(tick, self._decide(tick))
+        self._steering.make_way(tick)
         self._steering.stream_something(tick)
         self._leave_crumb(tick)
         self._state, self._entered_s = tick.state, tick.entered_s
@@ -226,4 +228,5 @@ class Pilot:
             faults=tuple(fault.fault.value for fault in tick.faults),
             walls=self._sensing.walls,
             doubts=self._sensing.lookout.doubts,
+            movers=tick.movers,
         )

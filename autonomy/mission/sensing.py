@@ -13,8 +13,9 @@ from autonomy.estimation.fusion import Fusion
 from autonomy.estimation.wall_fix import WallFix
 from autonomy.geometry import Point
 from autonomy.mission.coverage import Lookout
-from autonomy.model import FusedState, Inputs, WallFixReport
+from autonomy.model import FusedState, Inputs, MovingObstacle, WallFixReport
 from autonomy.perception.doubt.doubter import Doubt
+from autonomy.perception.movers import MoverTracker
 from autonomy.perception.obstacle_map import ObstacleMap
 from autonomy.perception.projection import Projector, Ray, RayKind
 from autonomy.perception.storey_maps import StoreyMaps
@@ -46,6 +47,11 @@ class Sensing:
         """Which beams are lost, and how to fly with those that are left."""
         self.maps = StoreyMaps(config.map, config.body.radius_m, config.guard.fence)
         """One map for each height of flight."""
+        self.movers = MoverTracker()
+        """What moves at the present height."""
+        self.things_move = False
+        """Something moved lately, or is expected to."""
+        self._doubted: ObstacleMap | None = None
         self._between_heights = True
         self._wall_fix = WallFix(config.estimation.walls, config.guard.fence)
         self.walls: WallFixReport | None = None
@@ -106,7 +112,11 @@ class Sensing:
             self._state_lost_since_s = None
             if self._home_fixed:
                 rays = self._projector.step(fused, ranges)
-                self.map.update(inputs.now_s, () if self._between_heights else rays)
+                if self._between_heights:
+                    self.map.update(inputs.now_s, ())
+                else:
+                    self._watch(inputs.now_s, rays)
+                    self.map.update(inputs.now_s, rays)
                 if self._config.estimation.walls.use:
                     self.walls = self._wall_fix.step(
                         inputs.now_s, self._measured_ends(rays), learn=not self._between_heights
@@ -136,6 +146,26 @@ class Sensing:
             self.map.forget_cones(self._doubt.disputed)
         if self._doubt.lied_since_s is not None and self._home_fixed:
             self.map.forget_seen_since(self._doubt.lied_since_s, fused.point, _UNDER_VEHICLE_M)
+
+    def moving(self, now_s: float) -> tuple[MovingObstacle, ...]:
+        """What moves; where things move, also what is new and not yet known to stand."""
+        found = self.movers.obstacles(now_s)
+        return found if self.things_move else tuple(one for one in found if one.moving)
+
+    def _watch(self, now_s: float, rays: tuple[Ray, ...]) -> None:
+        """Look for what moves; of a wide beam nobody knows where on its arc a hit is."""
+        if self._config.movers.watch:
+            thin = [ray for ray in rays if ray.beam in self._thin_beams]
+            self.movers.step(now_s, thin, self.map)
+            self._expect_changes(now_s)
+
+    def _expect_changes(self, now_s: float) -> None:
+        """Old knowledge is doubted while things move."""
+        config = self._config.movers
+        moves = config.expected or now_s - self.movers.moved_s <= config.remember_s
+        if moves is not self.things_move or self._doubted is not self.map:
+            self.things_move, self._doubted = moves, self.map
+            self.map.doubt(config if moves else None)
 
     def state_lost_s(self, now_s: float) -> float:
         """How long the state has not been usable."""
@@ -187,6 +217,7 @@ class Sensing:
     def leave_height(self) -> None:
         """The vehicle climbs or descends: what is seen on the way belongs to no map."""
         self._between_heights = True
+        self.movers.forget()
 
     def enter_height(self, height_m: float, point: Point, now_s: float) -> None:
         """The vehicle has come to rest at `height_m` above the take-off point."""

@@ -2,7 +2,7 @@
 
 import math
 
-from autonomy.config import Config
+from autonomy.config import Config, GuidanceConfig
 from autonomy.geometry import Point
 from autonomy.guidance.follower import arrival_speed, carrot_direction, push_away
 from autonomy.guidance.outer_loops import OuterLoops
@@ -10,7 +10,8 @@ from autonomy.guidance.path import FlownPath
 from autonomy.guidance.pid import Pid
 from autonomy.guidance.yaw_scan import YawScan
 from autonomy.mission.heights import Heights
-from autonomy.mission.machine import OFFBOARD_STATES
+from autonomy.mission.machine import NAVIGATING_STATES, OFFBOARD_STATES
+from autonomy.mission.making_way import MakingWay
 from autonomy.mission.sensing import Sensing
 from autonomy.mission.tick import Tick
 from autonomy.model import MissionState
@@ -34,6 +35,14 @@ class Steering:
         self._loops = OuterLoops(config.guidance)
         self._climb = Pid(config.guidance.altitude, config.guard.climb_max_m_s)
         self._hold_at: Point | None = None
+        self._making_way = MakingWay(config)
+        self._strayed = False
+        self._scan_rates_rad_s = (
+            self.scan.rate_rad_s,
+            max(self.scan.rate_rad_s, math.radians(config.movers.scan_deg_s)),
+        )
+        """While everything stands, and while something moves."""
+        self._retreat = _retreat(config)
 
     def let_go(self) -> None:
         """The next hold begins where the vehicle is then."""
@@ -83,7 +92,8 @@ class Steering:
         if tick.state is not MissionState.OFFBOARD:
             yaw_rad = self.scan.step(fused.yaw_rad, tick.dt_s)
         nearest = self._sensing.map.nearest_hit(fused.position_ned_m, CLEARANCE_LIMIT_M)
-        push = push_away((0.0, 0.0), nearest, self._config.guidance)
+        guidance = self._retreat if self._sensing.things_move else self._config.guidance
+        push = push_away((0.0, 0.0), nearest, guidance)
         down_m = -self._heights.commanded_m
         if push != (0.0, 0.0):
             self._hold_at = None
@@ -99,6 +109,48 @@ class Steering:
         place = (*self._hold_at, down_m)
         tick.setpoint = Setpoint(tick.now_s, place, (*added, 0.0), yaw_rad)
 
+    def make_way(self, tick: Tick) -> None:
+        """Something moves, and comes too near to what this tick would fly: fly something else."""
+        self.scan.rate_rad_s = self._scan_rates_rad_s[self._sensing.things_move]
+        fused, setpoint = tick.fused, tick.setpoint
+        if not tick.movers and not self._making_way.active:
+            return
+        navigating = tick.state in NAVIGATING_STATES and not self._heights.changing
+        if not (navigating and fused.ok):
+            self._making_way.stop()
+            return
+        planned = (0.0, 0.0) if setpoint is None else setpoint.velocity_ned_m_s[:2]
+        space = self._sensing.map
+        evasion = self._making_way.advise(tick.now_s, fused, planned, tick.movers, space)
+        if evasion is None:
+            return
+        self._strayed = True
+        if evasion.why is not None:
+            tick.say("make_way", evasion.why)
+        if evasion.direction is None:
+            tick.setpoint = None
+            return
+        self._hold_at = None
+        yaw_rad = self.scan.commanded_rad if setpoint is not None else None
+        if yaw_rad is None:
+            yaw_rad = self.scan.step(fused.yaw_rad, tick.dt_s)
+        down_m = -self._heights.commanded_m
+        climb_m_s = self._climb.step(down_m, fused.position_ned_m[2], tick.dt_s)
+        velocity = (*evasion.commanded(fused), climb_m_s)
+        tick.setpoint = Setpoint(tick.now_s, fused.position_ned_m, velocity, yaw_rad)
+
+    @property
+    def makes_way(self) -> bool:
+        """True while something else is flown than was asked for."""
+        return self._making_way.active
+
+    def has_strayed(self) -> bool:
+        """True once after making way: whatever was planned before begins elsewhere."""
+        if self._making_way.active or not self._strayed:
+            return False
+        self._strayed = False
+        return True
+
     def stream_something(self, tick: Tick) -> None:
         """Every offboard tick has a setpoint; where no state gave one, it is to hold."""
         streaming = tick.state in OFFBOARD_STATES or (
@@ -109,3 +161,14 @@ class Steering:
         )
         if tick.setpoint is None and streaming:
             self.hold(tick)
+
+
+def _retreat(config: Config) -> GuidanceConfig:
+    """How a stopped vehicle leaves what is too near, while something moves."""
+    guidance, movers = config.guidance, config.movers
+    return guidance.model_copy(
+        update={
+            "push_below_m": max(guidance.push_below_m, movers.retreat_below_m),
+            "push_speed_m_s": max(guidance.push_speed_m_s, movers.retreat_speed_m_s),
+        }
+    )

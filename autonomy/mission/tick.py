@@ -3,7 +3,15 @@
 from dataclasses import dataclass, field
 
 from autonomy.mission.failsafe import Found, Response
-from autonomy.model import Event, FusedState, Inputs, MissionState, NoPlan, Plan
+from autonomy.model import (
+    Event,
+    FusedState,
+    Inputs,
+    MissionState,
+    MovingObstacle,
+    NoPlan,
+    Plan,
+)
 from hal.setpoints import Request, RequestKind, Setpoint
 
 
@@ -25,6 +33,7 @@ class Tick:
     """What counts as wrong at this tick, strongest response first."""
     returning: bool = False
     """The mission is over, and the vehicle on its way back (it may hold meanwhile)."""
+    movers: tuple[MovingObstacle, ...] = ()
     requests: list[Request] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
 

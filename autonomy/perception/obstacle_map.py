@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from autonomy.config import MapConfig
+from autonomy.config import MapConfig, MoversConfig
 from autonomy.geometry import Point
 from autonomy.perception import kernels
 from autonomy.perception.projection import Ray
@@ -139,6 +139,19 @@ class ObstacleMap:
             self._seen, self._params, *self._origin(), *map(float, (*point, radius, stamp_s))
         )
 
+    def doubt(self, movers: MoversConfig | None) -> None:
+        """From now on things move: old sights are no longer believed, and fewer looks through a hit
+        erase it. None: everything stands again.
+        """
+        config, params = self._config, self._params
+        age_s, cap, edge_deg = config.seen_max_age_s, config.hit_cap, config.edge_rule_deg
+        if movers is not None:
+            age_s, cap = min(age_s, movers.seen_max_age_s), min(cap, movers.hit_cap)
+            edge_deg = max(edge_deg, movers.edge_rule_deg)
+        params[kernels.P_MAX_AGE] = age_s
+        params[kernels.P_CAP] = cap
+        params[kernels.P_EDGE_COS] = math.cos(math.radians(edge_deg))
+
     def shift(self, delta_ne: Point) -> None:
         """The frame jumped: what was at p is at p + `delta_ne` now. Loses nothing on the map.
 
@@ -242,6 +255,39 @@ class ObstacleMap:
             hits.setflags(write=False)
             self._hits = hits
         return self._hits
+
+    def cell(self, point: Point) -> tuple[int, int]:
+        """Row and column of the cell that holds a place, on the grid or not."""
+        return (
+            math.floor((point[0] - self._north0_m) / self._cell_m),
+            math.floor((point[1] - self._east0_m) / self._cell_m),
+        )
+
+    def hit_cells_within(self, point: Point, radius_m: float) -> list[tuple[int, int]]:
+        """The cells about `radius_m` near with evidence of a hit."""
+        window = self._window(point, radius_m)
+        if window is None:
+            return []
+        found = np.argwhere((self._slot[window] >= 0).any(axis=2))
+        return [(window[0].start + i, window[1].start + j) for i, j in found.tolist()]
+
+    def was_free(self, point: Point, radius_m: float, max_age_s: float) -> bool:
+        """True when all within `radius_m` was seen free in the last `max_age_s` before the last
+        update. A square, to the cell.
+        """
+        window = self._window(point, radius_m)
+        if window is None or self._now_s is None:
+            return False
+        return bool(float(self._seen[window].min()) >= self._now_s - max_age_s)
+
+    def _window(self, point: Point, radius_m: float) -> tuple[slice, slice] | None:
+        """The cells about a place; None when they are not all on the grid."""
+        reach = round(radius_m / self._cell_m)
+        i, j = self.cell(point)
+        rows, columns = self._seen.shape
+        if min(i, j) < reach or i + reach >= rows or j + reach >= columns:
+            return None
+        return slice(i - reach, i + reach + 1), slice(j - reach, j + reach + 1)
 
     # ------------------------------------------------------------ SeenSpace
 

@@ -150,6 +150,51 @@ class Wall(Solid):
 SimObstacle = Annotated[Disc | Box | Wall, Field(discriminator="kind")]
 
 
+class Wander(Section):
+    """Anywhere in a rectangle: one place after another, drawn with `seed`."""
+
+    low_ne_m: PointNE
+    high_ne_m: PointNE
+    seed: Annotated[int, Field(ge=0)] = 0
+
+    @model_validator(mode="after")
+    def _has_an_area(self) -> "Wander":
+        if not all(low < high for low, high in zip(self.low_ne_m, self.high_ne_m, strict=True)):
+            raise ValueError(
+                f"low_ne_m {self.low_ne_m} is not south-west of high_ne_m {self.high_ne_m}: "
+                "both coordinates must be smaller"
+            )
+        return self
+
+
+class Mover(Solid):
+    """An upright cylinder that walks: a person, a cart. It sees nothing and gives way to nobody,
+    unless `polite_m` says how far from its surface a vehicle makes it stand still.
+
+    It begins at the first point of `path_ne_m`, waits `start_s`, and goes from point to point at
+    `speed_m_s`, standing `pause_s` at each. `then` says what comes after the last; with `wander` it
+    goes on to random places that can be reached in a straight line past the obstacles.
+    """
+
+    radius_m: Positive = 0.2
+    speed_m_s: Positive = 0.4
+    path_ne_m: Annotated[tuple[PointNE, ...], Field(min_length=1)]
+    then: Literal["turn", "circle", "stay"] = "turn"
+    wander: Wander | None = None
+    start_s: NonNegative = 0.0
+    pause_s: NonNegative = 0.0
+    polite_m: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _goes_somewhere(self) -> "Mover":
+        if self.wander is None and len(set(self.path_ne_m)) < 2:
+            raise ValueError(
+                "a mover needs two points in path_ne_m to go between, or wander: give it one, or "
+                "write it as an obstacle of kind disc"
+            )
+        return self
+
+
 class BeamSimulation(Section):
     """How the simulated range beams measure; what they are mounted on is `hal.config.BeamsConfig`.
 
@@ -221,6 +266,7 @@ class Scenario(Section):
     title: str = ""
     description: str = ""
     obstacles: tuple[SimObstacle, ...] = ()
+    movers: tuple[Mover, ...] = ()
     ceiling_m: Positive | None = None
     start_yaw_deg: Finite = 0.0
     goal_ne_m: PointNE = (4.0, 3.0)
@@ -234,7 +280,8 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _labels_are_unique(self) -> "Scenario":
-        for label, count in Counter(o.label for o in self.obstacles if o.label).items():
+        labels = (o.label for o in (*self.obstacles, *self.movers) if o.label)
+        for label, count in Counter(labels).items():
             if count > 1:
                 raise ValueError(
                     f"{count} obstacles have the label {label!r}: give each its own, or none"
@@ -249,6 +296,18 @@ class Scenario(Section):
                 raise ValueError(
                     f"{_called(index, obstacle)} reaches {top} m, above the ceiling at "
                     f"{self.ceiling_m} m: lower it, or raise ceiling_m"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _movers_begin_elsewhere(self) -> "Scenario":
+        for index, mover in enumerate(self.movers):
+            begins = mover.path_ne_m[0]
+            called = f"mover {mover.label!r}" if mover.label else f"mover {index}"
+            if math.hypot(*begins) < mover.radius_m + self.vehicle.body_radius_m:
+                raise ValueError(
+                    f"{called} begins at ({begins[0]:g}, {begins[1]:g}), on the vehicle at the "
+                    "take-off point: begin its path_ne_m elsewhere"
                 )
         return self
 

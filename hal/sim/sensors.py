@@ -147,7 +147,7 @@ class SimulatedBeams:
         The arguments are the true pose at `now_s`; readings carry the time they were measured at.
         """
         if self._rate.due(now_s):
-            distances = self._world.at(now_s).cast_many(
+            distances = self._world.at(now_s, position_ned_m).cast_many(
                 position_ned_m, roll_rad, pitch_rad, yaw_rad, self._bundles
             )
             rows = zip(

@@ -2,12 +2,14 @@
 
 import math
 
+import msgspec
 import numpy as np
 
-from hal.frames import Vector3, norm
+from hal.frames import Vector3, horizontal_norm, norm
 from hal.sim import kernels
 from hal.sim.kernels import FloatArray
-from hal.sim.scenario import BODY_HALF_HEIGHT_M, Box, Disc, Scenario, Wall
+from hal.sim.movers import Walker
+from hal.sim.scenario import BODY_HALF_HEIGHT_M, Box, Disc, Mover, Scenario, Wall
 
 
 class RayBundles:
@@ -53,18 +55,87 @@ class RayBundles:
         return rays
 
 
+class Contact(msgspec.Struct, frozen=True):
+    """A body touches something, and who came to whom: speeds towards each other along the line
+    from the body to what it touches.
+
+    `label` is the mover's (or its number); None: something that stands, or the ceiling.
+    """
+
+    stamp_s: float
+    label: str | None
+    body_ned_m: Vector3
+    body_towards_m_s: float
+    mover_towards_m_s: float
+
+    def moved_into(self, noise_m_s: float = 0.05) -> bool:
+        """True when the body came to what it touches, not only the other to it."""
+        return self.label is None or self.body_towards_m_s > noise_m_s
+
+
 class World:
-    """The obstacles, floor and ceiling of a scenario; positions are NED metres from take-off."""
+    """The obstacles, movers, floor and ceiling of a scenario; positions are NED metres from
+    take-off.
+    """
 
     def __init__(self, scenario: Scenario) -> None:
-        rows = [_row(obstacle) for obstacle in scenario.obstacles]
+        self.walkers = tuple(Walker(mover, scenario.obstacles) for mover in scenario.movers)
+        """The movers, where they are at the time of the last `at`."""
+        things = (*scenario.obstacles, *scenario.movers)
+        rows = [_row(thing) for thing in things]
         self._rows: FloatArray = np.array(rows, dtype=np.float64).reshape(-1, kernels.ROW)
+        self._moving = self._rows[len(scenario.obstacles) :]
+        self._standing = self._rows[: len(scenario.obstacles)]
         self._ceiling_m = math.inf if scenario.ceiling_m is None else scenario.ceiling_m
 
-    def at(self, time_s: float) -> "World":
-        """The world as it is at `time_s` of simulated time: itself, nothing moves yet."""
-        del time_s
+    def at(self, time_s: float, vehicle_ned_m: Vector3 | None = None) -> "World":
+        """This world, with every mover where it is at `time_s` of simulated time.
+
+        Times must not run backwards. `vehicle_ned_m` is what polite movers stand still for; None
+        leaves them as they were.
+        """
+        vehicle_ne_m = None if vehicle_ned_m is None else vehicle_ned_m[:2]
+        for row, walker in zip(self._moving, self.walkers, strict=True):
+            walker.step(time_s, vehicle_ne_m)
+            row[1], row[2] = walker.place_ne_m
         return self
+
+    def contact(
+        self,
+        stamp_s: float,
+        position_ned_m: Vector3,
+        velocity_ned_m_s: Vector3,
+        body_radius_m: float,
+        body_half_height_m: float = BODY_HALF_HEIGHT_M,
+    ) -> Contact | None:
+        """Whom a body touches at `stamp_s` and who moved into whom; None while it is free."""
+        self.at(stamp_s)
+        if not self.collides(position_ned_m, body_radius_m, body_half_height_m):
+            return None
+        standing_m = kernels.clearance(self._standing, *position_ned_m, body_half_height_m)
+        roof = -position_ned_m[2] + body_half_height_m >= self._ceiling_m
+        if roof or standing_m <= body_radius_m:
+            return Contact(stamp_s, None, position_ned_m, horizontal_norm(velocity_ned_m_s), 0.0)
+        n, e, _ = position_ned_m
+        gaps_m = [
+            math.dist((n, e), w.place_ne_m) - w.mover.radius_m
+            if kernels.clearance(row[None, :], *position_ned_m, body_half_height_m) < math.inf
+            else math.inf
+            for row, w in zip(self._moving, self.walkers, strict=True)
+        ]
+        number = min(range(len(gaps_m)), key=gaps_m.__getitem__)
+        walker = self.walkers[number]
+        way = (walker.place_ne_m[0] - n, walker.place_ne_m[1] - e)
+        length_m = max(math.hypot(*way), 1e-9)
+        un, ue = way[0] / length_m, way[1] / length_m
+        vn, ve = walker.velocity_ne_m_s
+        return Contact(
+            stamp_s,
+            walker.mover.label or str(number),
+            position_ned_m,
+            velocity_ned_m_s[0] * un + velocity_ned_m_s[1] * ue,
+            -(vn * un + ve * ue),
+        )
 
     def cast(self, origin_ned_m: Vector3, direction_ned: Vector3) -> float:
         """Distance from `origin_ned_m` to the first surface along `direction_ned` (any length
@@ -124,15 +195,16 @@ class World:
         return bool(nearest_m <= body_radius_m)
 
 
-def _row(obstacle: Disc | Box | Wall) -> tuple[float, ...]:
+def _row(obstacle: Disc | Box | Wall | Mover) -> tuple[float, ...]:
     """One obstacle as the kernels want it."""
     # What stands on the floor goes on below it: a vehicle that rests a millimetre too deep still
     # sees it.
     bottom_m = obstacle.base_m if obstacle.base_m > 0.0 else -math.inf
     top_m = math.inf if obstacle.height_m is None else obstacle.height_m
-    if isinstance(obstacle, Disc):
+    if isinstance(obstacle, Disc | Mover):
+        at = obstacle.centre_ne_m if isinstance(obstacle, Disc) else obstacle.path_ne_m[0]
         radius_m = obstacle.radius_m
-        return (kernels.DISC, *obstacle.centre_ne_m, 1.0, 0.0, radius_m, radius_m, bottom_m, top_m)
+        return (kernels.DISC, *at, 1.0, 0.0, radius_m, radius_m, bottom_m, top_m)
     shape = obstacle.footprint
     return (
         kernels.BOX,

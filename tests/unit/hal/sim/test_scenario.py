@@ -198,6 +198,8 @@ def test_a_mistake_in_a_file_is_placed_by_line_and_key(tmp_path: Path) -> None:
         scenarios.Disc,
         Box,
         Wall,
+        scenarios.Mover,
+        scenarios.Wander,
         scenarios.BeamSimulation,
         scenarios.GnssSimulation,
         scenarios.EstimatorSimulation,

@@ -1,0 +1,127 @@
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from autonomy.config import MapConfig
+from autonomy.geometry import Point
+from autonomy.model import MovingObstacle
+from autonomy.perception.movers import FORGET_S, MoverTracker
+from autonomy.perception.obstacle_map import ObstacleMap
+from autonomy.perception.projection import Ray, RayKind
+from hal.config import Fence
+
+TICK_S = 0.05
+REACH_M = 1.0
+TURN_RAD_S = math.radians(100.0)
+
+
+class Stage:
+    """A vehicle that turns at the origin, and discs around it that may move; no noise."""
+
+    def __init__(self, *discs: tuple[Point, Point, float]) -> None:
+        self.discs = discs
+        self.map = ObstacleMap(MapConfig(), 0.15, Fence.rectangle((-3.0, 3.0), (-3.0, 3.0)))
+        self.tracker = MoverTracker()
+        self.now_s = 0.0
+
+    def place(self, number: int) -> Point:
+        (n, e), (vn, ve), _ = self.discs[number]
+        moved_s = max(0.0, self.now_s - 2.0)
+        return (n + vn * moved_s, e + ve * moved_s)
+
+    def run(self, seconds: float) -> tuple[MovingObstacle, ...]:
+        """For the first two seconds of all nothing moves: the vehicle looks round."""
+        for _ in range(round(seconds / TICK_S)):
+            self.now_s += TICK_S
+            rays = [self._ray(beam) for beam in range(4)]
+            self.tracker.step(self.now_s, rays, self.map)
+            self.map.update(self.now_s, rays)
+        return self.tracker.obstacles(self.now_s)
+
+    def _ray(self, beam: int) -> Ray:
+        bearing = TURN_RAD_S * self.now_s + beam * math.pi / 2.0
+        c, s = math.cos(bearing), math.sin(bearing)
+        length, kind = REACH_M, RayKind.FREE
+        for number, (_, _, radius) in enumerate(self.discs):
+            n, e = self.place(number)
+            along, across = n * c + e * s, e * c - n * s
+            if along > 0.0 and abs(across) < radius:
+                end = along - math.sqrt(radius * radius - across * across)
+                if end < length:
+                    length, kind = end, RayKind.HIT
+        return Ray(self.now_s, beam, kind, (0.0, 0.0, -1.0), bearing, 0.0, length, (0.0, 0.0))
+
+
+def test_nothing_that_stands_becomes_a_mover() -> None:
+    still = (0.0, 0.0)
+    stage = Stage(((0.7, 0.1), still, 0.2), ((-0.5, 0.5), still, 0.05), ((0.0, -0.9), still, 0.3))
+    assert stage.run(12.0) == ()
+    assert stage.tracker.moved_s == -math.inf
+
+
+@settings(deadline=None, max_examples=15)
+@given(
+    from_rad=st.floats(-math.pi, math.pi),
+    speed=st.floats(0.15, 0.3),
+    off_m=st.floats(-0.25, 0.25),
+    radius=st.floats(0.15, 0.25),
+)
+def test_what_comes_is_tracked_with_its_velocity(
+    from_rad: float, speed: float, off_m: float, radius: float
+) -> None:
+    c, s = math.cos(from_rad), math.sin(from_rad)
+    begin_m = 1.1 + radius
+    begin = (begin_m * c - off_m * s, begin_m * s + off_m * c)
+    stage = Stage((begin, (-speed * c, -speed * s), radius))
+    stage.run(2.0)
+    # Until its edge is 0.25 m away from the vehicle's centre.
+    movers = stage.run((begin_m - radius - 0.25) / speed)
+    assert movers, "it was not noticed"
+    found = min(movers, key=lambda m: math.dist(m.point, stage.place(0)))
+    assert math.dist(found.point, stage.place(0)) < 0.2
+    n, e = found.velocity_ne_m_s
+    assert -n * c - e * s > 0.25 * speed
+    assert stage.now_s - found.seen_s < 1.0
+
+
+def test_what_moves_for_sure_is_told_from_what_is_only_new() -> None:
+    stage = Stage(((1.3, 0.05), (-0.2, 0.0), 0.2))
+    stage.run(2.0)
+    early = [m.moving for m in stage.run(2.4)]
+    assert not any(early)
+    (mover,) = stage.run(2.2)
+    assert mover.moving
+    assert mover.velocity_ne_m_s[0] == pytest.approx(-0.2, abs=0.06)
+    assert mover.velocity_ne_m_s[1] == pytest.approx(0.0, abs=0.06)
+
+
+def test_its_trail_is_taken_off_the_map() -> None:
+    stage = Stage(((0.6, -1.4), (0.0, 0.2), 0.2))
+    stage.run(11.0)
+    place = stage.place(0)
+    assert place[1] > 0.3
+    # Where it came into sight nothing had been seen free: those hits stay until a beam is through.
+    trail = [e for n, e in stage.map.hits().tolist() if -0.6 < e < place[1] - 0.45]
+    assert trail == []
+
+
+def test_what_left_is_forgotten() -> None:
+    stage = Stage(((1.3, 0.0), (-0.25, 0.0), 0.2))
+    stage.run(2.0)
+    assert stage.run(3.0)
+    stage.discs = ()
+    assert stage.run(FORGET_S + 0.5) == ()
+
+
+def test_the_same_rays_give_the_same_movers() -> None:
+    first, second = (Stage(((1.2, 0.3), (-0.2, -0.05), 0.2)) for _ in range(2))
+    assert first.run(6.0) == second.run(6.0)
+
+
+def test_an_empty_tracker_takes_anything() -> None:
+    stage = Stage()
+    assert stage.run(1.0) == ()
+    stage.tracker.forget()
+    assert stage.run(1.0) == ()

@@ -1,0 +1,50 @@
+"""Fly among movers, print the table, and with --write put it into tools/movers/README.md.
+
+python -m tools.movers [--flights N] [--speed M_S ...] [--mode stop|rolling] [--blind] [--write]
+                       [--picture ROOM]
+"""
+
+import argparse
+from pathlib import Path
+
+from tools.movers.campaign import campaign, table
+from tools.movers.picture import draw
+
+README = Path(__file__).with_name("README.md")
+BEGIN, END = "<!-- table: python -m tools.movers --write -->\n", "<!-- end of table -->\n"
+
+
+def main() -> None:
+    """Parse, fly, print."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.movers", description=__doc__, allow_abbrev=False
+    )
+    parser.add_argument("--flights", type=int, default=200, help="rooms at every speed")
+    parser.add_argument("--speed", type=float, action="append", help="m/s, may be repeated")
+    parser.add_argument("--mode", choices=["stop", "rolling"], default="stop")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--blind", action="store_true", help="nobody looks for movers")
+    parser.add_argument("--write", action="store_true", help="renew the table in the README")
+    parser.add_argument("--picture", type=int, metavar="ROOM", help="draw an evasion there instead")
+    options = parser.parse_args()
+    if options.picture is not None:
+        speed_m_s = (options.speed or [0.2])[0]
+        draw(options.picture, speed_m_s, README.with_name("evasion.png"))
+        return
+    rows = campaign(
+        options.speed or [0.1, 0.2, 0.3],
+        options.flights,
+        options.jobs,
+        mode=options.mode,
+        watch=not options.blind,
+    )
+    print(table(rows))
+    if options.write:
+        text = README.read_text(encoding="utf-8")
+        before, rest = text.split(BEGIN)
+        _, after = rest.split(END)
+        README.write_text(f"{before}{BEGIN}{table(rows)}\n{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
