@@ -40,7 +40,7 @@ def draw(number: int, speed_m_s: float, path: Path) -> None:
         until_s = min((t for t in stamps if t >= begin_s + AFTER_S), default=stamps[-1])
         return distance(when[begin_s], when[until_s])
 
-    coming = [(begin_s, why) for begin_s, why in said if "making way" in why and "m/s" in why]
+    coming = [(begin_s, why) for begin_s, why in said if "making way" in why]
     if not coming:
         raise ValueError(f"nobody made way in room {number}: draw another one")
     begin_s, why = max(coming, key=lambda one: moved_m(one[0]))

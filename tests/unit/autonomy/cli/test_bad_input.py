@@ -110,7 +110,7 @@ def refused(*arguments: str) -> str:
         (
             ["--goal", "4,3", "--sim", "nowhere"],
             "there is no scenario 'nowhere'",
-            "use one of curtain, default",
+            "use one of corridor_people, curtain, default",
         ),
         (
             ["--goal", "4,3", "--sim", "nowhere.yaml"],

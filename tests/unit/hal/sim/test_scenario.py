@@ -160,7 +160,9 @@ def test_a_wall_is_a_rectangle_about_its_middle_line() -> None:
 
 
 def test_an_unknown_name_is_answered_with_the_names_that_exist() -> None:
-    with pytest.raises(DocumentError, match=r"no scenario 'labyrinth': use one of curtain,"):
+    with pytest.raises(
+        DocumentError, match=r"no scenario 'labyrinth': use one of corridor_people, curtain,"
+    ):
         load_scenario("labyrinth")
 
 
