@@ -35,6 +35,10 @@ class Custody:
         self._before |= self._wanted
         self._wanted = modes
 
+    def adopt(self, kind: RequestKind) -> None:
+        """This program's last life, or PX4's failsafe at the end of it, asked for `kind`."""
+        self._wanted = _MODES[kind]
+
     def see(self, mode: FlightMode) -> None:
         """The vehicle says that it is in `mode`."""
         if mode in self._wanted:

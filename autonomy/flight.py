@@ -16,7 +16,7 @@ from autonomy.custody import Custody
 from autonomy.errors import AutonomyError, Stalled
 from autonomy.mission.guarded import Command, GuardedPilot
 from autonomy.mission.sensing import Sensing
-from autonomy.model import Ending, Inputs, OperatorCommand, Outcome
+from autonomy.model import Ending, Inputs, OperatorCommand, Outcome, Resumed
 from autonomy.tally import Tally
 from hal.frames import Vector3
 from hal.interfaces import Clock, GnssReceiver, RangeSensor, Vehicle
@@ -65,6 +65,7 @@ class Flight:
         clock: Clock,
         recorder: Recorder | None = None,
         observer: Observer | None = None,
+        resumed: Resumed | None = None,
     ) -> None:
         self._config = config
         self._vehicle = vehicle
@@ -76,7 +77,7 @@ class Flight:
         self._clock = clock
         self._recorder = recorder
         self._observer = observer
-        self._guarded = GuardedPilot(config, route)
+        self._guarded = GuardedPilot(config, route, resumed)
         # At most a handful of requests in a whole flight; full means a defect, not a backlog.
         self._requests: asyncio.Queue[Request] = asyncio.Queue(maxsize=16)
         self._replies: list[Reply] = []
@@ -87,6 +88,8 @@ class Flight:
         self.tally = Tally()
         self.custody = Custody()
         """Which modes of the vehicle are this flight's doing, during it and after."""
+        if resumed is not None:
+            self.custody.adopt(RequestKind.HOLD)
 
     @property
     def sensing(self) -> Sensing:

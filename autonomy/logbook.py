@@ -32,7 +32,7 @@ def replay_log(path: Path) -> ReplayResult:
     configuration is refused.
     """
     log = FlightLog.open(path)
-    return replay(log, GuardedPilot(recorded_config(log), log.route()).step)
+    return replay(log, GuardedPilot(recorded_config(log), log.route(), log.resumed()).step)
 
 
 def report_of_log(path: Path) -> FlightReport:
@@ -74,7 +74,7 @@ def draw_log(path: Path, out: Path) -> None:
     """
     log = FlightLog.open(path)
     config, route = recorded_config(log), log.route()
-    guarded = GuardedPilot(config, route)
+    guarded = GuardedPilot(config, route, log.resumed())
     tally = Tally()
     legs: list[tuple[str, tuple[Point, ...]]] = []
     stops: list[Point] = []

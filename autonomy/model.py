@@ -370,6 +370,30 @@ class Decision(msgspec.Struct, frozen=True):
     """What is known to move, or new and not yet known to stand."""
 
 
+class Crumb(msgspec.Struct, frozen=True):
+    """One place of the way flown, in the mission frame: (north, east), height above the take-off
+    point, and whether there was room around it.
+    """
+
+    point: Point
+    height_m: float
+    is_open: bool
+
+
+class Resumed(msgspec.Struct, frozen=True):
+    """Where a mission goes on whose program was killed in flight.
+
+    `home_ned_m` is its frame's origin in the autopilot's local frame, `armed_s` when its time
+    began, `goal_index` the next goal of its route, `trail` the way flown so far.
+    """
+
+    home_ned_m: Vector3
+    armed_s: float
+    goal_index: int = 0
+    trail: tuple[Crumb, ...] = ()
+    flown_m: float = 0.0
+
+
 class Command(msgspec.Struct, frozen=True):
     """What leaves the pure core: the decision, and its setpoint as the guard let it pass.
 

@@ -24,15 +24,15 @@ from pathlib import Path
 
 import msgspec
 
-from autonomy import app
+from autonomy import app, in_flight
 from autonomy.config import Config, load_config
 from autonomy.custody import Custody
 from autonomy.embedded import EmbeddedPx4
 from autonomy.errors import AutonomyError, BadInput, ExitCode
 from autonomy.flight import Flight, Recorder, bring_down
-from autonomy.flightlog.recorder import FlightRecorder
+from autonomy.flightlog.recorder import FlightRecorder, host_boot
 from autonomy.geometry import Point
-from autonomy.model import Command, Ending, Inputs, OperatorCommand
+from autonomy.model import Command, Ending, Inputs, OperatorCommand, Resumed
 from autonomy.report import FlightReport, FlyOptions
 from autonomy.service import logs
 from autonomy.service.api import Api
@@ -54,6 +54,7 @@ from hal.errors import ConnectionFailed, HalError
 from hal.frames import ZERO3, Vector3, add, ned_from_frd, subtract
 from hal.interfaces import Clock
 from hal.readings import (
+    FlightMode,
     LandedState,
     LocalPosition,
     RangeReading,
@@ -67,6 +68,10 @@ from hal.vehicle.deadman import Deadman
 _LOG = logging.getLogger("autonomy")
 _CONNECT_S = 3.0
 _RETRY_S = 0.5
+_OFFBOARD_LOSS_S = 1.0
+"""PX4's COM_OF_LOSS_T by default."""
+_TELLS_WITHIN_S = 2.5
+"""A heartbeat, and so the mode and the failsafe's flag, comes once a second."""
 _SWITCH_INTERVAL_S = 0.0005
 """How long the web's thread may keep the interpreter from the control loop."""
 _JUMP_M = 0.3
@@ -274,6 +279,8 @@ class Service:
         """The last mission's vehicle while it flies on as the mission left it; None when it landed
         or somebody else chose its mode."""
         self._ready_told = False
+        self._restart_seen_to = False
+        """A vehicle that was in the air when the service began was looked at."""
 
     async def run(self) -> None:
         """Serve until `stop` is called or a signal arrives."""
@@ -351,6 +358,7 @@ class Service:
         self._readings.clear()
         parts = (connected.vehicle, *connected.sensors, connected.gnss)
         self._station.dropped = lambda: dropped_by(parts)
+        await self._after_restart(connected)
         self._ready(connected)
         while True:
             self._look(connected)
@@ -446,6 +454,95 @@ class Service:
         said = "accepted" if reply.accepted else reply.reason
         self._station.tell(command.value, f"{kind.value} in Hold: {said}")
 
+    # ------------------------------------------------------------ killed in flight, begun anew
+
+    async def _after_restart(self, connected: Connected) -> None:
+        """A vehicle that this service's last life left in the air: once, do what is configured.
+
+        What PX4's failsafe has not put into Hold is somebody's, and left alone.
+        """
+        if self._restart_seen_to:
+            return
+        self._restart_seen_to = True
+        await self._settled(connected)
+        vehicle = connected.vehicle
+        if not in_flight.is_in_the_air(vehicle.status()):
+            return
+        self._enter(Phase.WAITING, "the vehicle is in the air: reading the last flight's log")
+        folder = Path(self._config.log.directory)
+        flight, unread = await asyncio.to_thread(in_flight.read_last_flight, folder)
+        self._look(connected)
+        found = in_flight.Found(
+            self._drivers.clock.now_s(),
+            host_boot(),
+            connected.facts,
+            vehicle.status(),
+            vehicle.local_position(),
+        )
+        why = unread or in_flight.why_not_ours(flight, found)
+        why = why or in_flight.why_not_failsafe(found.status)
+        if why is not None or flight is None:
+            self._station.tell("in_flight", f"the vehicle is in the air and left alone: {why}")
+            return
+        await self._take_back(flight, found, connected)
+
+    async def _settled(self, connected: Connected) -> None:
+        """Until the vehicle told what it does, and PX4 what becomes of a stream that ended."""
+        vehicle, clock = connected.vehicle, self._drivers.clock
+        loss_s = connected.facts.parameters.get("COM_OF_LOSS_T", _OFFBOARD_LOSS_S)
+        ends_s = clock.now_s() + loss_s + _TELLS_WITHIN_S
+        while clock.now_s() < ends_s and not self._ending.is_set():
+            self._look(connected)
+            status = vehicle.status()
+            unknown = status.mode is FlightMode.UNKNOWN or status.landed is LandedState.UNKNOWN
+            waiting = status.mode is FlightMode.OFFBOARD or not status.in_failsafe
+            down = not in_flight.is_in_the_air(status)
+            if not unknown and (down or (not waiting and vehicle.local_position() is not None)):
+                return
+            await asyncio.sleep(1.0 / self._config.control.rate_hz)
+
+    async def _take_back(
+        self, flight: in_flight.Interrupted, found: in_flight.Found, connected: Connected
+    ) -> None:
+        """The vehicle is the interrupted flight's, and PX4 holds it: hold, land or resume."""
+        choice = self._config.service.on_restart_in_flight
+        left = Custody()
+        left.adopt(RequestKind.HOLD)
+        self._left_in_air = left
+        if choice == "land":
+            left.asked(RequestKind.LAND)
+            reply = await connected.vehicle.execute(Request(RequestKind.LAND))
+            said = "landing" if reply.accepted else f"it refuses to land: {reply.reason}"
+            self._station.tell("in_flight", f"this service was interrupted in flight; {said}")
+            return
+        why = in_flight.why_not_resumed(flight, found) if choice == "resume" else None
+        resumed = flight.resumed
+        if choice == "hold" or why is not None or resumed is None:
+            refused = f"; its mission cannot go on: {why}" if why is not None else ""
+            self._station.tell(
+                "in_flight",
+                f"this service was interrupted in flight, PX4 holds the vehicle{refused}; "
+                "order it to land",
+            )
+            return
+        self._station.tell("in_flight", "this service was interrupted in flight; going on")
+        await self._fly_on(flight, resumed, connected)
+
+    async def _fly_on(
+        self, flight: in_flight.Interrupted, resumed: Resumed, connected: Connected
+    ) -> None:
+        """The interrupted mission from its log, in its own frame."""
+        self._ready(connected)  # systemd's watchdog counts from here
+        order = MissionOrder(goals=tuple(list(goal) for goal in flight.route))
+        options = FlyOptions(
+            goals=flight.route,
+            connection=self._config.vehicle.connection,
+            log_dir=self._config.log.directory,
+        )
+        mission = app.Mission(options, flight.config, None)
+        record = self._station.go_on(order)
+        await self._fly_one(record, mission, flight.route, (0.0, 0.0), connected, resumed)
+
     # ------------------------------------------------------------ one mission
 
     async def _fly(self, record: MissionRecord, connected: Connected) -> None:
@@ -456,13 +553,25 @@ class Service:
             self._station.update(record.id, status=MissionStatus.REFUSED, why=str(error))
             self._station.tell("refused", str(error))
             return
+        await self._fly_one(record, mission, route, offset, connected)
+
+    async def _fly_one(
+        self,
+        record: MissionRecord,
+        mission: app.Mission,
+        route: tuple[Vector3, ...],
+        offset: Point,
+        connected: Connected,
+        resumed: Resumed | None = None,
+    ) -> None:
+        """A mission that was planned, or one that goes on."""
         goals = tuple((goal[0] + offset[0], goal[1] + offset[1]) for goal in route)
         self._station.begin(FlownMission(record.id, goals, offset))
         self._enter(Phase.FLYING, f"mission {record.id} begins")
         with ExitStack() as stack:
             recorder = self._recorder(mission, stack)
             try:
-                report = await self._flown(mission, route, offset, connected, recorder)
+                report = await self._flown(mission, route, offset, connected, recorder, resumed)
             except Exception as error:  # noqa: BLE001 - the vehicle is down; the next mission must not be lost
                 traceback.print_exception(error)
                 cause = _innermost(error)
@@ -498,8 +607,9 @@ class Service:
         offset: Point,
         connected: Connected,
         recorder: FlightRecorder | None,
+        resumed: Resumed | None,
     ) -> FlightReport:
-        """From preflight to landing."""
+        """From preflight, or from where it was interrupted, to landing."""
         vehicle, clock = connected.vehicle, self._drivers.clock
         deadman = Deadman(mission.config.deadman, vehicle.stop_now, vehicle.hold_now, clock)
         watch = FlightWatch(self._station, self._metrics, self._notifier, recorder)
@@ -514,10 +624,11 @@ class Service:
             clock=clock,
             recorder=watch,
             observer=Notes(self._station),
+            resumed=resumed,
         )
         watch.flight = flight
         if recorder is not None:
-            recorder.route(route)
+            recorder.route(route, resumed)
         self._flight = flight
         if self._ending.is_set():
             flight.command(OperatorCommand.STOP)

@@ -219,6 +219,8 @@ class VehicleFacts(msgspec.Struct, frozen=True):
     version: str
     system_id: int
     parameters: dict[str, float]
+    booted_s: float | None = None
+    """When the autopilot started, on this computer's monotonic clock; None: not known."""
 
 
 class StatusText(msgspec.Struct, frozen=True):

@@ -27,7 +27,7 @@ from autonomy.flightlog.schema import (
     Tick,
     decode,
 )
-from autonomy.model import Command, Decision, Inputs
+from autonomy.model import Command, Decision, Inputs, Resumed
 from hal.frames import Vector3
 from hal.readings import StatusText
 
@@ -106,6 +106,13 @@ class FlightLog:
             if isinstance(record, RouteRecord):
                 return record.goals_ned_m
         raise NotReplayable(f"{self.path}: no route was recorded; there is nothing to replay")
+
+    def resumed(self) -> Resumed | None:
+        """Where the flight went on, None for one that began on the ground."""
+        for _, _, record in self._messages():
+            if isinstance(record, RouteRecord):
+                return record.resumed
+        return None
 
     def texts(self) -> Iterator[StatusText]:
         """What the autopilot wrote during the flight, oldest first."""

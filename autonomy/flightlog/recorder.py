@@ -30,7 +30,7 @@ from autonomy.flightlog.schema import (
     encode,
     json_schema,
 )
-from autonomy.model import Command, Inputs
+from autonomy.model import Command, Inputs, Resumed
 from hal.frames import Vector3
 from hal.readings import StatusText
 
@@ -57,6 +57,14 @@ def _versions() -> dict[str, str]:
         "machine": platform.machine(),
         **libraries,
     }
+
+
+def host_boot() -> str:
+    """Which start of this computer; empty where the system does not tell."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    except OSError:
+        return ""
 
 
 class FlightRecorder:
@@ -121,6 +129,7 @@ class FlightRecorder:
             seed=seed,
             started_utc=now.isoformat(timespec="seconds"),
             versions=_versions(),
+            host_boot=host_boot(),
         )
         stem = f"{now:%Y%m%d-%H%M%S}-{world or 'flight'}"
         number = 1
@@ -152,9 +161,9 @@ class FlightRecorder:
             )
         return tuple(sentences)
 
-    def route(self, goals_ned_m: tuple[Vector3, ...]) -> None:
-        """Record where the flight goes; returns at once and never raises."""
-        self._put([("route", 0, 0.0, RouteRecord(goals_ned_m))])
+    def route(self, goals_ned_m: tuple[Vector3, ...], resumed: Resumed | None = None) -> None:
+        """Record where the flight goes, or goes on; returns at once and never raises."""
+        self._put([("route", 0, 0.0, RouteRecord(goals_ned_m, resumed))])
 
     def tick(self, inputs: Inputs, command: Command, step_s: float) -> None:
         """Record one step of the control loop; returns at once and never raises."""

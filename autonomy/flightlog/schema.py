@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from autonomy.model import Command, Decision, GuardReport, Inputs
+from autonomy.model import Command, Decision, GuardReport, Inputs, Resumed
 from hal.frames import Vector3
 from hal.readings import StatusText
 from hal.setpoints import Setpoint
@@ -39,6 +39,8 @@ class FlightHeader(msgspec.Struct, frozen=True):
     seed: int | None = None
     started_utc: str = ""
     versions: dict[str, str] = {}
+    host_boot: str = ""
+    """Which start of this computer: monotonic times of two logs are on one axis within it."""
     format: int = FORMAT
 
 
@@ -46,6 +48,8 @@ class RouteRecord(msgspec.Struct, frozen=True):
     """The goals in order, in NED about the take-off point."""
 
     goals_ned_m: tuple[Vector3, ...]
+    resumed: Resumed | None = None
+    """Where an interrupted mission went on, for a flight that began in the air."""
 
 
 class GuardRecord(msgspec.Struct, frozen=True):

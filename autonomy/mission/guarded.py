@@ -7,7 +7,7 @@ import msgspec
 
 from autonomy.config import Config
 from autonomy.mission.pilot import Pilot
-from autonomy.model import Command, FusedState, GuardReport, Inputs
+from autonomy.model import Command, FusedState, GuardReport, Inputs, Resumed
 from hal.frames import Vector3, add
 from hal.vehicle.guard import BeamSight, Guard, Sight
 
@@ -17,8 +17,10 @@ __all__ = ["Command", "GuardedPilot"]
 class GuardedPilot:
     """`step(inputs) -> Command`, deterministic; the guard sees every setpoint."""
 
-    def __init__(self, config: Config, route: tuple[Vector3, ...]) -> None:
-        self.pilot = Pilot(config, route)
+    def __init__(
+        self, config: Config, route: tuple[Vector3, ...], resumed: Resumed | None = None
+    ) -> None:
+        self.pilot = Pilot(config, route, resumed)
         self._guard = Guard(config.guard)
         self._mounts = {mount.name: mount for mount in config.beams.mounts}
         self._stale_after_s = config.beams.stale_after_s

@@ -86,6 +86,15 @@ class Navigation:
         self.replans = 0
 
     @property
+    def goal_index(self) -> int:
+        """Which goal of the route that is."""
+        return self._goal_index
+
+    def begin_at(self, goal_index: int) -> None:
+        """The goals before this one were reached already."""
+        self._goal_index = goal_index
+
+    @property
     def goal(self) -> Vector3:
         """The goal being flown to."""
         return self._route[min(self._goal_index, len(self._route) - 1)]

@@ -20,8 +20,8 @@ from autonomy.mission.sensing import Sensing
 from autonomy.mission.sequence import Move, Sequence
 from autonomy.mission.steering import CLEARANCE_LIMIT_M, Steering
 from autonomy.mission.tick import Tick
-from autonomy.mission.trail import Crumb, Trail
-from autonomy.model import Decision, FusedState, Inputs, MissionState, Outcome
+from autonomy.mission.trail import Trail
+from autonomy.model import Crumb, Decision, FusedState, Inputs, MissionState, Outcome, Resumed
 from autonomy.t3drm.planner import Planner
 from hal.frames import Vector3
 from hal.interfaces import SeenSpace
@@ -33,8 +33,14 @@ _OUTBOUND = NAVIGATING_STATES - {MissionState.HOLD, MissionState.RETURN}
 class Pilot:
     """Flies one mission over a route of goals (NED about the take-off point)."""
 
-    def __init__(self, config: Config, route: tuple[Vector3, ...]) -> None:
-        """Take a route that `preflight.check_route` accepts."""
+    def __init__(
+        self, config: Config, route: tuple[Vector3, ...], resumed: Resumed | None = None
+    ) -> None:
+        """Take a route that `preflight.check_route` accepts.
+
+        With `resumed` the mission begins in the air, in PX4's Hold, with an empty map: it asks for
+        Offboard and looks round before anything else.
+        """
         self._config = config
         self._sensing = Sensing(config)
         planner = Planner(config.planner, config.body.radius_m, config.guard.fence)
@@ -43,7 +49,7 @@ class Pilot:
         self._navigation = Navigation(
             config, route, self._sensing, planner, self._heights, self._steering
         )
-        self._trail = Trail()
+        self._trail = Trail() if resumed is None else Trail(resumed.trail, flown_m=resumed.flown_m)
         self._returning = Returning(
             config, self._sensing, planner, self._heights, self._steering, self._trail
         )
@@ -57,8 +63,11 @@ class Pilot:
         self._state = MissionState.PREFLIGHT
         self._held_from = MissionState.PREFLIGHT
         self._entered_s: float | None = None
+        self._resumes = False
         self._last_s: float | None = None
         self._outcome: Outcome | None = None
+        if resumed is not None:
+            self._resume(resumed)
 
     @property
     def space(self) -> SeenSpace:
@@ -83,6 +92,10 @@ class Pilot:
             raise ValueError(f"time ran backwards: {inputs.now_s} s after {self._last_s} s")
         tick = self._tick(inputs, self._sensing.step(inputs))
         tick.movers = self._sensing.moving(tick.now_s)
+        if self._resumes and tick.fused.ok:
+            self._resumes = False
+            tick.say("resume", "on with the mission that was interrupted; its map is empty")
+            self._entered(tick)
         self._responding.listen(tick)
         tick.events.extend(self._sensing.lookout.news)
         if self._sensing.lookout.lost_now:
@@ -97,6 +110,27 @@ class Pilot:
         self._leave_crumb(tick)
         self._state, self._entered_s = tick.state, tick.entered_s
         return self._decision(tick)
+
+    def _resume(self, resumed: Resumed) -> None:
+        self._state = MissionState.OFFBOARD
+        self._sensing.fix_home(resumed.home_ned_m)
+        self._responding.armed(resumed.armed_s)
+        self._navigation.begin_at(resumed.goal_index)
+        self._sequence.in_the_air()
+        self._resumes = True
+
+    def resumed(self) -> Resumed | None:
+        """What another program would need to go on from here; None before the vehicle is armed."""
+        armed_s = self._responding.armed_s
+        if armed_s is None:
+            return None
+        return Resumed(
+            self._sensing.home_ned_m,
+            armed_s,
+            self._navigation.goal_index,
+            self._trail.crumbs,
+            self._trail.flown_m,
+        )
 
     def _tick(self, inputs: Inputs, fused: FusedState) -> Tick:
         """The tick as it begins: in the state in which the last one ended."""

@@ -118,7 +118,10 @@ def findings(
     if status.link_age_s > config.vehicle.link_timeout_s:
         found.append(f"the vehicle has been silent for {status.link_age_s:.1f} s; check the link")
     if status.landed not in (LandedState.ON_GROUND, LandedState.UNKNOWN):
-        found.append("the vehicle is already in the air; land it before starting a mission")
+        found.append(
+            "the vehicle is already in the air and is not taken over; land it before starting a "
+            "mission (a service that was killed in flight goes on by service.on_restart_in_flight)"
+        )
     elif status.armed:
         found.append("the vehicle is already armed; disarm it before starting a mission")
     if not status.armable:

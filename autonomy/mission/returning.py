@@ -21,8 +21,8 @@ from autonomy.mission.sensing import Sensing
 from autonomy.mission.sequence import Move
 from autonomy.mission.steering import Steering
 from autonomy.mission.tick import Tick
-from autonomy.mission.trail import SAME_HEIGHT_M, Crumb, Trail
-from autonomy.model import Environment, Leg, LegKind, MissionState, NoPlan, Plan
+from autonomy.mission.trail import SAME_HEIGHT_M, Trail
+from autonomy.model import Crumb, Environment, Leg, LegKind, MissionState, NoPlan, Plan
 from autonomy.t3drm.planner import Planner, violated
 from hal.frames import horizontal_norm
 

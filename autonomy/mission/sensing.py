@@ -80,9 +80,13 @@ class Sensing:
         """The map at the present height of flight."""
         return self.maps.present
 
-    def fix_home(self) -> None:
-        """The vehicle is being armed: the origin stays where it is from now on."""
+    def fix_home(self, home_ned_m: Vector3 | None = None) -> None:
+        """The vehicle is being armed: the origin stays where it is from now on, or where a mission
+        that goes on had it.
+        """
         self._home_fixed = True
+        if home_ned_m is not None:
+            self.home_ned_m = home_ned_m
 
     def step(self, inputs: Inputs) -> FusedState:
         """Fuse this tick's readings, update the map, return the state in the mission frame."""

@@ -27,6 +27,8 @@ _DISARMS_ITSELF_S = 5.0
 _GLOBAL_POSITION_COMES_S = 1.5
 # The mode that was selected for arming is given back when the flight does not happen.
 _GIVE_BACK_S = 2.0
+# The link tells what the vehicle does within this.
+_IN_THE_AIR_S = 1.5
 # Where PX4 does not end its take-off in Hold, it is over at this part of the height.
 _CLIMBED = 0.85
 # An arming request that was on its way when the mission ended may still take effect.
@@ -93,9 +95,11 @@ class Sequence:
         )
         if not found:
             return Move(MissionState.ARM, "every check on the ground passed")
-        if elapsed_s < self._config.mission.preflight_timeout_s:
-            return None
-        if self._gives_back(tick, elapsed_s - self._config.mission.preflight_timeout_s):
+        patience_s = self._config.mission.preflight_timeout_s
+        if status.armed and status.landed not in (LandedState.ON_GROUND, LandedState.UNKNOWN):
+            # Waiting cannot help: somebody flies it, or PX4 holds it for a service that was killed.
+            patience_s = min(patience_s, _IN_THE_AIR_S)
+        if elapsed_s < patience_s or self._gives_back(tick, elapsed_s - patience_s):
             return None
         why = "; ".join(found)
         return Move(MissionState.DONE, why, Outcome(Ending.PREFLIGHT_REFUSED, why))
@@ -203,6 +207,10 @@ class Sequence:
                 tick.ask(RequestKind.LAND)
                 self._asked_to_land_s = tick.now_s
         return None
+
+    def in_the_air(self) -> None:
+        """The flight goes on in PX4's Hold: the take-off is over."""
+        self._seen.add(FlightMode.TAKEOFF)
 
     def taken_over(self, state: MissionState, status: VehicleStatus) -> bool:
         """True when somebody else switched the mode during take-off or landing.

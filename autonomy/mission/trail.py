@@ -6,9 +6,8 @@ the autopilot's, so that they stay where they were laid.
 
 import itertools
 
-import msgspec
-
 from autonomy.geometry import Point, distance
+from autonomy.model import Crumb
 
 STEP_M = 0.2
 """From crumb to crumb."""
@@ -21,22 +20,20 @@ _JITTER_M = 0.03
 """Steps shorter than the noise would add up to a length that nobody flew."""
 
 
-class Crumb(msgspec.Struct, frozen=True):
-    """One place: (north, east), height above the take-off point, and whether it was open there."""
-
-    point: Point
-    height_m: float
-    is_open: bool
-
-
 class Trail:
     """From the first crumb, where the flight began, to the newest."""
 
-    def __init__(self, crumbs: tuple[Crumb, ...] = (), crumbs_max: int = CRUMBS_MAX) -> None:
+    def __init__(
+        self,
+        crumbs: tuple[Crumb, ...] = (),
+        *,
+        flown_m: float = 0.0,
+        crumbs_max: int = CRUMBS_MAX,
+    ) -> None:
         self._crumbs = list(crumbs)
         self._crumbs_max = crumbs_max
         self._at: Point | None = None
-        self.flown_m = 0.0
+        self.flown_m = flown_m
         """All the way flown, loops included."""
 
     @property

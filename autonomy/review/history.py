@@ -124,7 +124,7 @@ def history_of(path: Path) -> History:
     log = FlightLog.open(path)
     config, route = recorded_config(log), log.route()
     history = History(path, config, route, log.header.scenario)
-    guarded = GuardedPilot(config, route)
+    guarded = GuardedPilot(config, route, log.resumed())
     index = -1
     for tick in log:
         if tick.index != index + 1 and history.difference is None:

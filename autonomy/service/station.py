@@ -170,6 +170,11 @@ class Station:
             self._missions[record.id] = record
             return record
 
+    def go_on(self, order: MissionOrder) -> MissionRecord:
+        """A mission of this service's last life that flies on; its record, marked as flying."""
+        with self._lock:
+            return self._new_record(order, MissionStatus.FLYING)
+
     def update(self, mission_id: str, **changes: Any) -> MissionRecord:
         """Replace fields of a mission's record; returns the new one."""
         with self._lock:
@@ -198,15 +203,20 @@ class Station:
         self._check(order)
         with self._lock:
             self._refuse_unless_free()
-            self._mission_count += 1
-            stamp = datetime.now(UTC)
-            name = f"{stamp:%Y%m%d-%H%M%S}-{self._mission_count}"
-            record = MissionRecord(name, order, MissionStatus.QUEUED, utc_now())
-            self._missions[record.id] = record
+            record = self._new_record(order, MissionStatus.QUEUED)
             self._queued.append(record.id)
-            while len(self._missions) > MISSIONS_KEPT:
-                self._missions.pop(next(iter(self._missions)))
             return record
+
+    def _new_record(self, order: MissionOrder, status: MissionStatus) -> MissionRecord:
+        """One more mission; the lock is held."""
+        self._mission_count += 1
+        stamp = datetime.now(UTC)
+        name = f"{stamp:%Y%m%d-%H%M%S}-{self._mission_count}"
+        record = MissionRecord(name, order, status, utc_now())
+        self._missions[record.id] = record
+        while len(self._missions) > MISSIONS_KEPT:
+            self._missions.pop(next(iter(self._missions)))
+        return record
 
     def abort(self, mission_id: str) -> MissionRecord | None:
         """Take back a queued mission, or stop the one being flown; None when it is not known.

@@ -262,7 +262,7 @@ class SimVehicle:
         parameters = self._autopilot.parameters
         if self._facts is None or self._facts[0] != parameters.changes:
             asked = {n: float(parameters[n]) for n in ASKED_PARAMETERS if n in parameters}
-            facts = VehicleFacts("PX4", "simulated", 1, asked)
+            facts = VehicleFacts("PX4", "simulated", 1, asked, booted_s=0.0)
             self._facts = (parameters.changes, facts)
         return self._facts[1]
 

@@ -240,6 +240,7 @@ class MavsdkVehicle:
             version=version,
             system_id=self._system_id,
             parameters=dict(link.parameters),
+            booted_s=self._telemetry.booted_s(),
         )
 
     async def close(self) -> None:

@@ -223,6 +223,11 @@ class Telemetry:
     def _take_health(self, message: SysStatus, _now_s: float) -> None:
         self._health.put(message)
 
+    def booted_s(self) -> float | None:
+        """When the autopilot's clock was zero; None before a message told its time."""
+        attitude = self._attitude.get()
+        return None if attitude is None else self._boot.stamp_s(math.inf, 0.0)
+
     def _take_attitude(self, message: AttitudeMessage, now_s: float) -> None:
         stamp_s = self._noted("ATTITUDE", now_s, message.time_boot_ms * 1e-3)
         if stamp_s is not None:

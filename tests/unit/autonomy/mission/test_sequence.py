@@ -37,6 +37,15 @@ def test_arming_is_asked_for_once() -> None:
     assert asked(second) == []
 
 
+def test_a_vehicle_in_the_air_is_refused_at_once_and_told_what_to_do() -> None:
+    flown = changed(GROUND, armed=True, landed=LandedState.IN_AIR)
+    assert Sequence(Config()).preflight(tick(flown), 1.4, ()) is None
+    move = Sequence(Config()).preflight(tick(flown), 1.5, ())
+    assert move is not None
+    assert move.state is MissionState.DONE
+    assert "not taken over; land it" in move.why
+
+
 def test_a_vehicle_left_in_offboard_by_its_last_landing_is_put_in_hold_first() -> None:
     sequence = Sequence(Config())
     left = changed(GROUND, mode=FlightMode.OFFBOARD, armable=False)

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from autonomy.geometry import Point, distance
 from autonomy.mission.reserve import Reserve
-from autonomy.mission.trail import JOINED_M, STEP_M, Crumb, Trail
+from autonomy.mission.trail import JOINED_M, STEP_M, Trail
+from autonomy.model import Crumb
 
 
 def walked(points: list[Point], height_m: float = 1.0, crumbs_max: int = 2000) -> Trail:
