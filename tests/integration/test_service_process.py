@@ -196,3 +196,53 @@ def test_it_survives_its_vehicle_s_restart_and_keeps_others_away(
     assert handed.returncode == 0, handed.stdout[-500:] + handed.stderr
     assert "handed to autonomy serve" in handed.stdout
     assert served.end() == 0
+
+
+def in_cruise(client: Client, goal: tuple[float, float]) -> None:
+    """A mission of this service, followed until it is on its way."""
+    record = client.create(MissionOrder(goals=([*goal],)))
+    for frame in client.follow(record.id):
+        if frame.command is not None and str(frame.command.decision.state) == "cruise":
+            return
+    pytest.fail("it never came to cruise")
+
+
+def anew(tmp_path: Path, choice: str, serve: Serve, url: str) -> tuple[Served, Client]:
+    """The service started again after SIGKILL in cruise, with a choice."""
+    config = tmp_path / "choice.yaml"
+    config.write_text(f"service: {{on_restart_in_flight: {choice}}}\n")
+    first = serve("--connection", url, "--config", str(config))
+    in_cruise(first.ready(), (3.0, 1.0))
+    time.sleep(1.5)  # what is flushed to the log once a second is there
+    first.process.kill()
+    first.process.wait()
+    first.close()
+    (tmp_path / "notify").unlink()
+    second = serve("--connection", url, "--config", str(config))
+    return second, second.ready()
+
+
+def test_killed_in_cruise_and_begun_anew_it_goes_on_to_the_goal(
+    tmp_path: Path, serve: Serve, vehicle: Callable[[], tuple[str, subprocess.Popen[str]]]
+) -> None:
+    url, _ = vehicle()
+    second, client = anew(tmp_path, "resume", serve, url)
+    until(lambda: bool(read(client, "/v1/missions")), 30.0)
+    until(lambda: read(client, "/v1/missions")[0]["status"] == "done", 120.0)
+    assert read(client, "/v1/missions")[0]["ending"] == "goal_reached"
+    assert second.end() == 0
+
+
+def test_killed_in_cruise_and_begun_anew_it_lands_where_that_is_chosen(
+    tmp_path: Path, serve: Serve, vehicle: Callable[[], tuple[str, subprocess.Popen[str]]]
+) -> None:
+    url, _ = vehicle()
+    second, client = anew(tmp_path, "land", serve, url)
+
+    def down() -> bool:
+        seen = read(client, "/v1/state")["vehicle"]
+        return seen is not None and not seen["armed"]
+
+    until(down, 60.0)
+    assert not read(client, "/v1/missions")
+    assert second.end() == 0
