@@ -8,6 +8,7 @@ A vector is a plain tuple of three floats: fast, immutable, serialisable.
 """
 
 import math
+from typing import NamedTuple
 
 Vector3 = tuple[float, float, float]
 
@@ -73,15 +74,44 @@ def frd_from_ned(ned: Vector3, yaw_rad: float) -> Vector3:
     return ned_from_frd(ned, -yaw_rad)
 
 
+class Turn(NamedTuple):
+    """A full attitude as the cosines and sines of its Z-Y-X (yaw, pitch, roll) Euler angles.
+
+    For turning many vectors alike; `rotate_frd_to_ned` is for one.
+    """
+
+    cos_roll: float
+    sin_roll: float
+    cos_pitch: float
+    sin_pitch: float
+    cos_yaw: float
+    sin_yaw: float
+
+    @classmethod
+    def of(cls, roll_rad: float, pitch_rad: float, yaw_rad: float) -> "Turn":
+        """The turn by these angles."""
+        return cls(
+            math.cos(roll_rad),
+            math.sin(roll_rad),
+            math.cos(pitch_rad),
+            math.sin(pitch_rad),
+            math.cos(yaw_rad),
+            math.sin(yaw_rad),
+        )
+
+    def to_ned(self, frd: Vector3) -> Vector3:
+        """Body vector to NED."""
+        cr, sr, cp, sp, cy, sy = self
+        x, y, z = frd
+        # Roll about x, then pitch about y; yaw last.
+        y, z = cr * y - sr * z, sr * y + cr * z
+        x, z = cp * x + sp * z, -sp * x + cp * z
+        return (cy * x - sy * y, sy * x + cy * y, z)
+
+
 def rotate_frd_to_ned(frd: Vector3, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Vector3:
     """Body vector to NED by the full attitude, Z-Y-X (yaw, pitch, roll) Euler angles."""
-    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
-    cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
-    x, y, z = frd
-    # Roll about x, then pitch about y; yaw last.
-    y, z = cr * y - sr * z, sr * y + cr * z
-    x, z = cp * x + sp * z, -sp * x + cp * z
-    return ned_from_frd((x, y, z), yaw_rad)
+    return Turn.of(roll_rad, pitch_rad, yaw_rad).to_ned(frd)
 
 
 def ned_from_geodetic(lat_deg: float, lon_deg: float, amsl_m: float, origin: Vector3) -> Vector3:

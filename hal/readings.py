@@ -19,11 +19,6 @@ _TURNS_RAD = 20.0
 _SPINS_RAD_S = 1e3
 
 
-def _require(condition: object, sentence: str) -> None:
-    if not condition:
-        raise ReadingRefused(sentence)
-
-
 class RangeStatus(StrEnum):
     """How far a range reading can be believed; unknown is never written as zero."""
 
@@ -50,19 +45,24 @@ class RangeReading(msgspec.Struct, frozen=True):
     max_m: float
 
     def __post_init__(self) -> None:
-        _require(math.isfinite(self.stamp_s), f"beam {self.beam}: the stamp is not a number")
-        _require(
-            0.0 <= self.min_m < self.max_m < math.inf,
-            f"beam {self.beam}: the limits {self.min_m}..{self.max_m} m are not a range",
-        )
-        _require(
-            math.isfinite(self.range_m) and self.range_m >= 0.0,
-            f"beam {self.beam}: {self.range_m} m is not a distance",
-        )
-        _require(
-            math.isfinite(self.variance_m2) and self.variance_m2 >= 0.0,
-            f"beam {self.beam}: {self.variance_m2} m2 is not a variance",
-        )
+        # Six of them come with every tick: words are made only for what is wrong. Comparisons
+        # with a NaN are false, so these refuse it, too.
+        if not (
+            -math.inf < self.stamp_s < math.inf
+            and 0.0 <= self.min_m < self.max_m < math.inf
+            and 0.0 <= self.range_m < math.inf
+            and 0.0 <= self.variance_m2 < math.inf
+        ):
+            raise ReadingRefused(f"beam {self.beam}: {self._what_is_wrong()}")
+
+    def _what_is_wrong(self) -> str:
+        if not math.isfinite(self.stamp_s):
+            return "the stamp is not a number"
+        if not 0.0 <= self.min_m < self.max_m < math.inf:
+            return f"the limits {self.min_m}..{self.max_m} m are not a range"
+        if not 0.0 <= self.range_m < math.inf:
+            return f"{self.range_m} m is not a distance"
+        return f"{self.variance_m2} m2 is not a variance"
 
 
 class FixType(StrEnum):
@@ -95,17 +95,18 @@ class GnssFix(msgspec.Struct, frozen=True):
     satellites: int
 
     def __post_init__(self) -> None:
-        _require(math.isfinite(self.stamp_s), "GNSS: the stamp is not a number")
-        _require(
-            abs(self.latitude_deg) <= 90.0 and abs(self.longitude_deg) <= 180.0,
-            f"GNSS: {self.latitude_deg}, {self.longitude_deg} deg is not on Earth",
-        )
-        _require(math.isfinite(self.amsl_m), "GNSS: the altitude is not a number")
-        _require(
+        if not math.isfinite(self.stamp_s):
+            raise ReadingRefused("GNSS: the stamp is not a number")
+        if not (abs(self.latitude_deg) <= 90.0 and abs(self.longitude_deg) <= 180.0):
+            place = f"{self.latitude_deg}, {self.longitude_deg} deg"
+            raise ReadingRefused(f"GNSS: {place} is not on Earth")
+        if not math.isfinite(self.amsl_m):
+            raise ReadingRefused("GNSS: the altitude is not a number")
+        if not (
             0.0 < self.horizontal_accuracy_m < math.inf
-            and 0.0 < self.vertical_accuracy_m < math.inf,
-            "GNSS: a fix needs finite, positive accuracies",
-        )
+            and 0.0 < self.vertical_accuracy_m < math.inf
+        ):
+            raise ReadingRefused("GNSS: a fix needs finite, positive accuracies")
 
 
 class LocalPosition(msgspec.Struct, frozen=True):
@@ -121,17 +122,22 @@ class LocalPosition(msgspec.Struct, frozen=True):
     reset_counter: int = 0
 
     def __post_init__(self) -> None:
-        _require(
+        if not (
             math.isfinite(self.stamp_s)
             and finite3(self.position_ned_m)
-            and finite3(self.velocity_ned_m_s),
-            "local position: a component is not a number",
-        )
-        _require(
-            max(map(abs, self.position_ned_m)) <= FARTHEST_M
-            and max(map(abs, self.velocity_ned_m_s)) <= FASTEST_M_S,
-            "local position: no multicopter is there, or that fast",
-        )
+            and finite3(self.velocity_ned_m_s)
+        ):
+            raise ReadingRefused("local position: a component is not a number")
+        (n, e, d), (vn, ve, vd) = self.position_ned_m, self.velocity_ned_m_s
+        if not (
+            -FARTHEST_M <= n <= FARTHEST_M
+            and -FARTHEST_M <= e <= FARTHEST_M
+            and -FARTHEST_M <= d <= FARTHEST_M
+            and -FASTEST_M_S <= vn <= FASTEST_M_S
+            and -FASTEST_M_S <= ve <= FASTEST_M_S
+            and -FASTEST_M_S <= vd <= FASTEST_M_S
+        ):
+            raise ReadingRefused("local position: no multicopter is there, or that fast")
 
 
 class Attitude(msgspec.Struct, frozen=True):
@@ -144,24 +150,24 @@ class Attitude(msgspec.Struct, frozen=True):
     yaw_rate_rad_s: float
 
     def __post_init__(self) -> None:
-        _require(
-            all(
-                math.isfinite(v)
-                for v in (
-                    self.stamp_s,
-                    self.roll_rad,
-                    self.pitch_rad,
-                    self.yaw_rad,
-                    self.yaw_rate_rad_s,
-                )
-            ),
-            "attitude: a component is not a number",
-        )
-        _require(
-            max(abs(self.roll_rad), abs(self.pitch_rad), abs(self.yaw_rad)) <= _TURNS_RAD
-            and abs(self.yaw_rate_rad_s) <= _SPINS_RAD_S,
-            "attitude: an angle of many turns, or a spin that nothing survives",
-        )
+        finite = math.isfinite
+        if not (
+            finite(self.stamp_s)
+            and finite(self.roll_rad)
+            and finite(self.pitch_rad)
+            and finite(self.yaw_rad)
+            and finite(self.yaw_rate_rad_s)
+        ):
+            raise ReadingRefused("attitude: a component is not a number")
+        if not (
+            -_TURNS_RAD <= self.roll_rad <= _TURNS_RAD
+            and -_TURNS_RAD <= self.pitch_rad <= _TURNS_RAD
+            and -_TURNS_RAD <= self.yaw_rad <= _TURNS_RAD
+            and -_SPINS_RAD_S <= self.yaw_rate_rad_s <= _SPINS_RAD_S
+        ):
+            raise ReadingRefused(
+                "attitude: an angle of many turns, or a spin that nothing survives"
+            )
 
 
 class FlightMode(StrEnum):

@@ -14,7 +14,7 @@ import msgspec
 from autonomy.geometry import Point
 from autonomy.model import FusedState
 from hal.config import BeamsConfig
-from hal.frames import Vector3, rotate_frd_to_ned, wrap_pi
+from hal.frames import Turn, Vector3, wrap_pi
 from hal.readings import RangeReading, RangeStatus
 
 
@@ -80,6 +80,8 @@ _LAST = 0.95
 """A cone's return from farther than this share of the maximum range is no obstacle yet: a cone
 that sees nothing is not certain to have looked farther, so no part of such an arc is ruled out."""
 
+_LEVEL = Turn.of(0.0, 0.0, 0.0)
+
 HISTORY_POSES = 40
 # Across a longer hole in the poses, or farther beyond their ends, nothing is projected.
 HOLE_MAX_S = 0.25
@@ -133,7 +135,7 @@ class Projector:
             return ()
         self._remember(fused)
         rays = []
-        stamp_s, pose = math.nan, None
+        stamp_s, pose, turn = math.nan, None, _LEVEL
         for reading in ranges:
             mount = self._mounts.get(reading.beam)
             if mount is None:
@@ -142,8 +144,10 @@ class Projector:
             if reading.stamp_s != stamp_s:
                 stamp_s = reading.stamp_s
                 pose = self.pose_at(stamp_s)
+                if pose is not None:
+                    turn = Turn.of(pose.roll_rad, pose.pitch_rad, pose.yaw_rad)
             if pose is not None:
-                rays.append(self._ray(pose, mount, reading))
+                rays.append(self._ray(pose, turn, mount, reading))
         return tuple(rays)
 
     def pose_at(self, time_s: float) -> Pose | None:
@@ -208,14 +212,12 @@ class Projector:
         self._poses.clear()
         self._poses.extend(moved)
 
-    def _ray(self, pose: Pose, mount: _Mount, reading: RangeReading) -> Ray:
-        north, east, down = rotate_frd_to_ned(
-            mount.direction_frd, pose.roll_rad, pose.pitch_rad, pose.yaw_rad
-        )
+    def _ray(self, pose: Pose, turn: Turn, mount: _Mount, reading: RangeReading) -> Ray:
+        north, east, down = turn.to_ned(mount.direction_frd)
         position = pose.position_ned_m
         face = (0.0, 0.0, 0.0)
-        if any(mount.face_frd_m):
-            face = rotate_frd_to_ned(mount.face_frd_m, pose.roll_rad, pose.pitch_rad, pose.yaw_rad)
+        if mount.face_frd_m != face:
+            face = turn.to_ned(mount.face_frd_m)
         level = math.hypot(north, east)
         elevation = math.asin(max(-1.0, min(1.0, -down)))
         if mount.half_angle_rad > 0.0:

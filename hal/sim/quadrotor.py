@@ -233,6 +233,7 @@ class Quadrotor:
         self._state = np.zeros(_STATE_SIZE)
         self._state[_POS : _POS + 3] = position_ned_m
         self._state[_YAW] = yaw_rad
+        self._told: list[float] = self._state.tolist()  # read often, and reading numpy is slow
         self._command = np.zeros(_COMMAND_SIZE)
         self._last: Command | None = None
         self._limits = np.zeros(6)
@@ -278,10 +279,11 @@ class Quadrotor:
             self._drag_per_s,
             self._floor_m,
         )
+        self._told = self._state.tolist()
 
     def _triple(self, at: int) -> Vector3:
-        s = self._state
-        return (float(s[at]), float(s[at + 1]), float(s[at + 2]))
+        s = self._told
+        return (s[at], s[at + 1], s[at + 2])
 
     @property
     def position_ned_m(self) -> Vector3:
@@ -296,28 +298,28 @@ class Quadrotor:
     @property
     def yaw_rad(self) -> float:
         """True heading in [-pi, pi)."""
-        return float(self._state[_YAW])
+        return self._told[_YAW]
 
     @property
     def yaw_rate_rad_s(self) -> float:
         """True yaw rate."""
-        return float(self._state[_RATE])
+        return self._told[_RATE]
 
     @property
     def height_m(self) -> float:
         """Height above the floor."""
-        return self._floor_m - float(self._state[2])
+        return self._floor_m - self._told[2]
 
     @property
     def on_ground(self) -> bool:
         """True while the floor carries the vehicle."""
-        return float(self._state[2]) >= self._floor_m - 1e-6
+        return self._told[2] >= self._floor_m - 1e-6
 
     @property
     def tilt_rad(self) -> tuple[float, float]:
         """(roll, pitch): the thrust's horizontal part needs tan(angle) = acceleration / g."""
-        s = self._state
-        north, east, yaw = float(s[_ACC]), float(s[_ACC + 1]), float(s[_YAW])
+        s = self._told
+        north, east, yaw = s[_ACC], s[_ACC + 1], s[_YAW]
         c, n = math.cos(yaw), math.sin(yaw)
         forward, right = c * north + n * east, -n * north + c * east
         return (math.atan2(right, GRAVITY_M_S2), -math.atan2(forward, GRAVITY_M_S2))

@@ -94,6 +94,8 @@ class World:
         Times must not run backwards. `vehicle_ned_m` is what polite movers stand still for; None
         leaves them as they were.
         """
+        if not self.walkers:
+            return self
         vehicle_ne_m = None if vehicle_ned_m is None else vehicle_ned_m[:2]
         for row, walker in zip(self._moving, self.walkers, strict=True):
             walker.step(time_s, vehicle_ne_m)
