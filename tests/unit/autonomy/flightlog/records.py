@@ -24,6 +24,8 @@ from autonomy.model import (
     Plan,
 )
 from hal.readings import (
+    FARTHEST_M,
+    FASTEST_M_S,
     Attitude,
     FixType,
     FlightMode,
@@ -40,9 +42,12 @@ from hal.setpoints import Reply, Request, RequestKind, Setpoint
 finite = st.floats(allow_nan=False, allow_infinity=False)
 distances = st.floats(min_value=0.0, allow_infinity=False)
 anything = st.floats()
+angles = st.floats(-20.0, 20.0)
 points = st.tuples(finite, finite)
 vectors = st.tuples(finite, finite, finite)
 words = st.text(max_size=12)
+places = st.tuples(*[st.floats(-FARTHEST_M, FARTHEST_M)] * 3)
+speeds = st.tuples(*[st.floats(-FASTEST_M_S, FASTEST_M_S)] * 3)
 polylines = st.lists(points, max_size=3).map(tuple)
 
 
@@ -86,15 +91,15 @@ inputs = st.builds(
     now_s=st.floats(min_value=0.0, max_value=1e9),
     ranges=some(ranges, 6),
     local_position=st.none()
-    | st.builds(LocalPosition, stamp_s=finite, position_ned_m=vectors, velocity_ned_m_s=vectors),
+    | st.builds(LocalPosition, stamp_s=finite, position_ned_m=places, velocity_ned_m_s=speeds),
     attitude=st.none()
     | st.builds(
         Attitude,
         stamp_s=finite,
-        roll_rad=finite,
-        pitch_rad=finite,
-        yaw_rad=finite,
-        yaw_rate_rad_s=finite,
+        roll_rad=angles,
+        pitch_rad=angles,
+        yaw_rad=angles,
+        yaw_rate_rad_s=st.floats(-1e3, 1e3),
     ),
     gnss=st.none()
     | st.builds(
