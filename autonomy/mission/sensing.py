@@ -86,6 +86,7 @@ class Sensing:
         """
         self._home_fixed = True
         if home_ned_m is not None:
+            self._armed_at_ned_m = subtract(home_ned_m, (*self._wall_fix.offset_ne_m, 0.0))
             self.home_ned_m = home_ned_m
 
     def step(self, inputs: Inputs) -> FusedState:

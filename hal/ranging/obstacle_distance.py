@@ -58,8 +58,9 @@ class ObstacleMessage(msgspec.Struct, frozen=True):
         """The beam's reading, or None when the message knows nothing of its direction.
 
         The nearest return among the sectors that reach into the beam's cone (`half_angle_deg`).
-        Free is only what the sector in the beam's own direction says is free; other unknown
-        sectors do not matter.
+        A cone frees the whole of itself up to its range, so where one of its sectors is unknown
+        "free" says nothing, and a return is SUSPECT: it counts as near, and frees nothing. Of a
+        thin beam only the sector in its own direction counts.
         Raises ReadingRefused when the limits leave no range.
         """
         min_m = max(self.min_distance * 0.01, config.min_m)
@@ -68,15 +69,17 @@ class ObstacleMessage(msgspec.Struct, frozen=True):
         known = [cm for cm in (*ahead, *beside) if cm != UNKNOWN_CM]
         if not known:
             return None
-        sees_ahead = any(cm != UNKNOWN_CM for cm in ahead)
+        whole = UNKNOWN_CM not in (*ahead, *beside)
         range_m = max(0.0, min(known) * 0.01 - mount.offset_m)
         status = RangeStatus.VALID
         if range_m <= min_m:
             status, range_m = RangeStatus.TOO_NEAR, min_m
         elif range_m >= max_m:
-            if not sees_ahead:
+            if not whole:
                 return None
             status, range_m = RangeStatus.OUT_OF_RANGE, max_m
+        elif not whole:
+            status = RangeStatus.SUSPECT
         return RangeReading(
             stamp_s=stamp_s,
             beam=mount.name,

@@ -157,5 +157,10 @@ def test_every_setpoint_of_a_flight_passed_the_guard(name: str, ceiling_m: float
 
 def test_the_states_of_algorithm_2_are_all_flown_through() -> None:
     states = {command.decision.state for command in flown("default", 0).commands}
-    elsewhere = {MissionState.PREFLIGHT, MissionState.HOLD, MissionState.YIELDED}
+    elsewhere = {
+        MissionState.PREFLIGHT,
+        MissionState.HOLD,
+        MissionState.RETURN,
+        MissionState.YIELDED,
+    }
     assert states >= set(MissionState) - elsewhere

@@ -31,6 +31,7 @@ class Death:
 
     at_s: float
     speed_m_s: float
+    """The fastest from then on: it may die while it is still speeding up."""
     free_m: float
     travelled_m: float
     clearance_m: float
@@ -60,23 +61,24 @@ def deaths_in(scenario: Scenario, seed: int = 0, *, mode: str = "rolling") -> li
         speed_m_s = horizontal_norm(flying.vehicle.truth().velocity_ned_m_s)
         if command.wire_setpoint is not None and speed_m_s >= SLOWEST_M_S:
             last_s = decision.now_s
-            travelled_m, clearance_m = _blind(flying, scenario)
-            found.append(Death(last_s, speed_m_s, free_m, travelled_m, clearance_m))
+            travelled_m, clearance_m, fastest_m_s = _blind(flying, scenario)
+            found.append(Death(last_s, fastest_m_s, free_m, travelled_m, clearance_m))
 
     simulation.run(on_tick=look)
     return found
 
 
-def _blind(simulation: Simulation, scenario: Scenario) -> tuple[float, float]:
-    """(travelled, least clearance) of a twin whose stream ends now."""
+def _blind(simulation: Simulation, scenario: Scenario) -> tuple[float, float, float]:
+    """(travelled, least clearance, fastest) of a twin whose stream ends now."""
     twin = copy.deepcopy(simulation.vehicle)
     twin.cut_link()
     began = twin.truth().position_ned_m
-    farthest_m, clearance_m = 0.0, math.inf
+    farthest_m, clearance_m, fastest_m_s = 0.0, math.inf, 0.0
     for _ in range(round(TO_REST_S / _STEP_S)):
         place = twin.truth().position_ned_m
         farthest_m = max(farthest_m, horizontal_norm(subtract(place, began)))
         half_height_m = scenario.vehicle.body_half_height_m
         clearance_m = min(clearance_m, simulation.world.clearance_m(place, half_height_m))
+        fastest_m_s = max(fastest_m_s, horizontal_norm(twin.truth().velocity_ned_m_s))
         twin.advance(_STEP_S)
-    return farthest_m, clearance_m
+    return farthest_m, clearance_m, fastest_m_s

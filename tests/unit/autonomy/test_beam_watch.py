@@ -53,7 +53,7 @@ def test_a_simulated_vehicle_has_simulated_beams() -> None:
     )
     flown = with_scenario(Config(beams=beams), load_scenario("default")).beams
     assert [mount.name for mount in flown.over_mavlink()] == ["up"]
-    assert flown.mount("up") == BeamMount(name="up", pitch_deg=90.0)
+    assert flown.mount("up") == BeamMount(name="up", pitch_deg=90.0, half_angle_deg=0.0)
 
 
 def test_beams_of_this_computer_need_none_and_a_missing_bus_is_told() -> None:

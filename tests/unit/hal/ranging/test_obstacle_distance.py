@@ -48,15 +48,31 @@ def test_the_nearest_return_within_the_half_angle_counts() -> None:
 
 
 def test_a_return_beside_counts_more_than_freedom_ahead() -> None:
-    reading = seen(ring({0: FREE, 1: 60}))
+    reading = seen(ring({1: 60}, background=FREE))
     assert reading is not None
     assert (reading.status, reading.range_m) == (RangeStatus.VALID, 0.6)
 
 
-def test_free_is_only_what_is_seen_free_ahead() -> None:
-    assert status(ring({0: FREE})) is RangeStatus.OUT_OF_RANGE
+def test_a_return_in_a_cone_that_is_known_in_part_frees_nothing() -> None:
+    for known in ({0: FREE, 1: 60}, {1: 60}, {0: 60}):
+        reading = seen(ring(known))
+        assert reading is not None
+        assert (reading.status, reading.range_m) == (RangeStatus.SUSPECT, 0.6)
+    thin = seen(ring({0: 60}), half_deg=0.0)
+    assert thin is not None
+    assert thin.status is RangeStatus.VALID
+
+
+def test_a_cone_is_free_only_where_each_of_its_sectors_is() -> None:
+    assert status(ring({}, background=FREE)) is RangeStatus.OUT_OF_RANGE
+    assert status(ring({0: 100}, background=FREE)) is RangeStatus.OUT_OF_RANGE
+    for unknown in (0, 1, 2, 70):
+        assert status(ring({unknown: UNKNOWN_CM}, background=FREE)) is None
+    assert status(ring({4: UNKNOWN_CM}, background=FREE)) is RangeStatus.OUT_OF_RANGE
+    thin = seen(ring({0: FREE}), half_deg=0.0)
+    assert thin is not None
+    assert thin.status is RangeStatus.OUT_OF_RANGE
     assert status(ring({1: FREE, 71: FREE})) is None
-    assert status(ring({0: 100, 1: FREE})) is RangeStatus.OUT_OF_RANGE
     assert status(ring({1: 100})) is None
     assert status(ring({})) is None
 
@@ -64,7 +80,7 @@ def test_free_is_only_what_is_seen_free_ahead() -> None:
 def test_zero_is_touching_and_more_than_the_maximum_is_nothing() -> None:
     assert status(ring({0: 0})) is RangeStatus.TOO_NEAR
     assert status(ring({0: 2})) is RangeStatus.TOO_NEAR
-    assert status(ring({0: 65534})) is RangeStatus.OUT_OF_RANGE
+    assert status(ring({}, background=65534)) is RangeStatus.OUT_OF_RANGE
 
 
 @pytest.mark.parametrize(
