@@ -1,13 +1,7 @@
-"""Compiled equations of the position filter and loops of the wall fix; `kalman.py` and
-`wall_fix.py` say what they mean.
+"""Compiled loops of the wall fix; `wall_fix.py` says what they mean.
 
-The filter's state is two arrays that are never written to, so what comes out is new:
-
-    x (3, 3) float64                            rows position, velocity, bias; a column an axis
-    p (3, 3) float64                            their covariance, the same for each axis
-
-The walls' reference is a grid of square cells. A cell holds the moments of the hits in it, twice:
-of those that have been there for a while (settled), against which rays are measured, and of those
+The reference is a grid of square cells. A cell holds the moments of the hits in it, twice: of
+those that have been there for a while (settled), against which rays are measured, and of those
 that came lately (fresh). So no ray is compared with what the same pass has just laid down.
 
     settled, fresh (rows, columns, 8) float64   count, sums of n, e, n n, n e, e e in metres, and
@@ -56,60 +50,6 @@ R_NORTH, R_EAST, R_COS, R_SIN, R_LENGTH, RAY_COLUMNS = range(6)
 TOLD_FUSED, TOLD_REJECTED, TOLD_RATIO, TOLD_FORGOTTEN, TOLD = range(5)
 
 FIT_N, FIT_E, FIT_NORMAL_N, FIT_NORMAL_E, FIT = range(5)
-
-# Which part of the state is measured.
-POSITION, VELOCITY, GNSS = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 0.0, 1.0)
-
-
-@njit(cache=True)
-def predicted(x, p, dt, q_acceleration, q_bias):
-    """(F x, F P F' + Q), `dt` seconds later."""
-    later, grown = x.copy(), p.copy()
-    for axis in range(3):
-        later[0, axis] = x[0, axis] + dt * x[1, axis]
-    q = q_acceleration * dt
-    grown[0, 0] = p[0, 0] + 2.0 * dt * p[0, 1] + dt * dt * p[1, 1] + q * dt * dt / 3.0
-    grown[0, 1] = grown[1, 0] = p[0, 1] + dt * p[1, 1] + q * dt / 2.0
-    grown[0, 2] = grown[2, 0] = p[0, 2] + dt * p[1, 2]
-    grown[1, 1] = p[1, 1] + q
-    grown[2, 2] = p[2, 2] + q_bias * dt
-    return later, grown
-
-
-@njit(cache=True)
-def observed(x, p, h, measured, row, variance):
-    """(x, P) after one row of `measured`, which is h x on each axis with this variance; P in
-    Joseph's form.
-    """
-    ph, keep, new_x, new_p = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    expected = variance
-    for i in range(3):
-        ph[i] = p[i, 0] * h[0] + p[i, 1] * h[1] + p[i, 2] * h[2]
-    for i in range(3):
-        expected += h[i] * ph[i]
-    for axis in range(3):
-        seen = h[0] * x[0, axis] + h[1] * x[1, axis] + h[2] * x[2, axis]
-        innovation = (measured[row, axis] - seen) / expected
-        for i in range(3):
-            new_x[i, axis] = x[i, axis] + ph[i] * innovation
-    for i in range(3):
-        for j in range(3):
-            keep[i, j] = (1.0 if i == j else 0.0) - ph[i] / expected * h[j]
-    for i in range(3):
-        for j in range(i, 3):
-            total = ph[i] / expected * variance * ph[j] / expected
-            for k in range(3):
-                for m in range(3):
-                    total += keep[i, k] * p[k, m] * keep[j, m]
-            new_p[i, j] = new_p[j, i] = total
-    return new_x, new_p
-
-
-@njit(cache=True)
-def observed_both(x, p, measured, variance_p, variance_v):
-    """After position and velocity, rows 0 and 1 of `measured`: independent, so one by one."""
-    x, p = observed(x, p, POSITION, measured, 0, variance_p)
-    return observed(x, p, VELOCITY, measured, 1, variance_v)
 
 
 @njit(cache=True)
@@ -363,10 +303,7 @@ def observe(
 
 
 def warm_up() -> None:
-    """Compile (or load from numba's disk cache) the kernels with the types used in flight."""
-    x, p = predicted(np.zeros((3, 3)), np.eye(3), 0.05, 1.0, 1.0)
-    x, p = observed_both(x, p, np.zeros((2, 3)), 1.0, 1.0)
-    observed(x, p, GNSS, np.zeros((2, 3)), 0, 1.0)
+    """Compile (or load from numba's disk cache) the kernel with the types used in flight."""
     grid = np.zeros((4, 4, MOMENTS))
     observe(
         grid,

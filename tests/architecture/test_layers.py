@@ -48,7 +48,7 @@ def test_the_contracts_hold() -> None:
         ("hal/gnss/planted.py", "import hal.vehicle", "hal: from the registry"),
         ("autonomy/service/planted.py", "from mavsdk.asyncio import Mavsdk", "mavsdk has one door"),
         ("hal/vehicle/planted.py", "from pymavlink import mavutil", "pymavlink has one door"),
-        ("autonomy/mission/planted.py", "import filterpy.kalman", "filterpy is for tests"),
+        ("autonomy/mission/planted.py", "import filterpy.kalman", "filterpy has one door"),
         ("hal/ranging/planted.py", "from smbus2 import SMBus", "smbus2 has one door"),
         ("hal/ranging/planted.py", "import gpiod", "gpiod has one door"),
         ("hal/gnss/planted.py", "import pynmeagps", "pynmeagps has one door"),

@@ -2,7 +2,6 @@ import math
 
 import numpy as np
 import pytest
-from filterpy.kalman import KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -229,76 +228,6 @@ def test_a_moved_frame_moves_the_position_and_leaves_gnss_where_it_is() -> None:
     assert kalman.bias_ne_m == pytest.approx((9.0, 12.0))
     assert kalman.velocity_ned_m_s == (0.1, 0.0, 0.0)
     assert (kalman.covariance == before).all()
-
-
-def filterpys() -> KalmanFilter:
-    reference = KalmanFilter(dim_x=3, dim_z=2)
-    reference.x = np.zeros((3, 3))
-    reference.P = np.diag([SIGMA_P**2, SIGMA_V**2, 1.0])
-    return reference
-
-
-def predict(reference: KalmanFilter, dt_s: float) -> None:
-    q = Q**2 * ACCELERATION_HOLDS_S
-    reference.F = np.array([[1.0, dt_s, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    reference.Q = np.array(
-        [
-            [q * dt_s**3 / 3.0, q * dt_s**2 / 2.0, 0.0],
-            [q * dt_s**2 / 2.0, q * dt_s, 0.0],
-            [0.0, 0.0, 0.1**2 * dt_s],
-        ]
-    )
-    reference.predict()
-
-
-def observe(
-    reference: KalmanFilter, h: list[list[float]], z: list[Vector3], sigmas: list[float]
-) -> None:
-    reference.R = np.diag(np.square(sigmas))
-    reference.update(np.array(z), H=np.array(h))
-
-
-small = st.floats(-0.1, 0.1)
-triples = st.tuples(small, small, small)
-steps = st.tuples(
-    st.sampled_from(("both", "position", "velocity", "gnss")),
-    st.floats(0.001, 0.3),
-    triples,
-    triples,
-    st.floats(0.05, 2.0),
-)
-
-
-@settings(deadline=None, max_examples=60)
-@given(st.lists(steps, min_size=1, max_size=30))
-def test_it_is_the_filter_that_filterpy_computes(
-    flown: list[tuple[str, float, Vector3, Vector3, float]],
-) -> None:
-    kalman, reference = Kalman(Q, 1e6), filterpys()
-    kalman.restore(kalman.snapshot()._replace(p=reference.P.copy(), bias_known=True))
-    far = (math.nan, 0.0, 0.0)
-    for kind, dt_s, position, velocity, sigma in flown:
-        kalman.predict(dt_s)
-        predict(reference, dt_s)
-        if kind == "gnss":
-            assert kalman.update_gnss(position[:2], sigma).fused
-            expected_d = float(reference.x[0, 2] + reference.x[2, 2])
-            z = [(position[0], position[1], expected_d)]
-            observe(reference, [[1.0, 0.0, 1.0]], z, [sigma])
-        elif kind == "both":
-            assert all(t.fused for t in kalman.update(position, velocity, sigma, 2.0 * sigma))
-            h = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-            observe(reference, h, [position, velocity], [sigma, 2.0 * sigma])
-        elif kind == "position":
-            fused = [t.fused for t in kalman.update(position, far, sigma, sigma)]
-            assert fused == [True, False]
-            observe(reference, [[1.0, 0.0, 0.0]], [position], [sigma])
-        else:
-            fused = [t.fused for t in kalman.update(far, velocity, sigma, sigma)]
-            assert fused == [False, True]
-            observe(reference, [[0.0, 1.0, 0.0]], [velocity], [sigma])
-        assert kalman.snapshot().x == pytest.approx(reference.x, rel=1e-9, abs=1e-12)
-        assert kalman.covariance == pytest.approx(reference.P, rel=1e-9, abs=1e-12)
 
 
 # ---------------------------------------------------------------- health
