@@ -15,6 +15,10 @@ from autonomy.guidance.path import FlownPath
 # itself it is moved on by steps, or the vehicle would stand still for ever.
 _CARROT_NEAREST_M = 0.06
 _CARROT_STEP_M = 0.08
+_PUSH_DOUBLES_IN_M, _PUSH_MOST = 0.03, 3.0
+_AT_REST_M_S = 0.03
+_LEAVING = 0.17
+"""Cosine to "away" of a motion that gains the clearance which the map asks for."""
 
 
 def carrot_direction(
@@ -46,15 +50,39 @@ def arrival_speed(remaining_m: float, speed_m_s: float) -> float:
 
 
 def push_away(
-    velocity: Point, nearest: tuple[float, float] | None, config: GuidanceConfig
+    velocity: Point,
+    nearest: tuple[float, float] | None,
+    config: GuidanceConfig,
+    flown: Point = (0.0, 0.0),
 ) -> Point:
-    """`velocity` with a component of at least `push_speed_m_s` away from a hit that is too near.
+    """`velocity` with a component away from a hit that is too near.
 
-    `nearest` is (distance_m, bearing_rad) of the nearest hit, or None.
+    `nearest` is (distance_m, bearing_rad) of the nearest hit, or None; `flown` the vehicle's own
+    velocity. The component is at least `push_speed_m_s` at `push_below_m`, and grows from there to
+    `_PUSH_MOST` times as much: the autopilot's own velocity is wrong by some cm/s for seconds.
+
+    While the vehicle closes in, or nearer than `slowest_at_m` is not on its way out, it is pushed
+    away and nothing else: the guard brakes what feeds a motion that it allows no more, and would
+    take the push with it.
     """
     if nearest is None or nearest[0] >= config.push_below_m:
         return velocity
     away = (-math.cos(nearest[1]), -math.sin(nearest[1]))
+    if _feeds_the_approach(nearest[0], flown, away, config):
+        velocity = (0.0, 0.0)
+    deeper = (config.push_below_m - nearest[0]) / _PUSH_DOUBLES_IN_M
+    push_m_s = config.push_speed_m_s * min(_PUSH_MOST, 1.0 + deeper)
     component = velocity[0] * away[0] + velocity[1] * away[1]
-    missing = max(0.0, config.push_speed_m_s - component)
+    missing = max(0.0, push_m_s - component)
     return (velocity[0] + missing * away[0], velocity[1] + missing * away[1])
+
+
+def _feeds_the_approach(
+    distance_m: float, flown: Point, away: Point, config: GuidanceConfig
+) -> bool:
+    """True where flying on along the path would feed a motion that has to end first."""
+    moving_m_s = math.hypot(*flown)
+    leaving_m_s = flown[0] * away[0] + flown[1] * away[1]
+    if distance_m >= config.slowest_at_m:
+        return leaving_m_s < -_AT_REST_M_S
+    return moving_m_s > _AT_REST_M_S and leaving_m_s < _LEAVING * moving_m_s

@@ -329,6 +329,10 @@ class Heights:
         """True where there is room around, as far as is known."""
         return self._has_room(point, OPEN_M, OPEN_IN_FENCE_M)
 
+    def may_land(self, point: Point) -> bool:
+        """True where there is room for a descent, whose drift nothing corrects."""
+        return self._has_room(point, ROOM_M, 0.0)
+
     def retreat(self, tick: Tick, here: Plan | NoPlan) -> Plan | None:
         """The way back to room for a change of height, where one is wanted and there is none."""
         point, place = tick.fused.point, self._open_at

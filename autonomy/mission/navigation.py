@@ -278,6 +278,7 @@ class Navigation:
         if rung is Rung.VERDICT:
             why = f"{rung}: {reason}"
             back = response_to(self._config, Fault.UNREACHABLE) is Response.RETURN
+            back = back or not self._heights.may_land(point)
             state = MissionState.RETURN if back else MissionState.LAND
             return Move(state, why, Outcome(Ending.UNREACHABLE, why, evidence))
         doing = str(rung)

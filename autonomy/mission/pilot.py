@@ -229,7 +229,7 @@ class Pilot:
                 self._heights.pause(height_m)
             case MissionState.RETURN:
                 self._heights.pause(height_m)
-                self._returning.again(tick)
+                self._returning.again(tick, self._outcome)
             case MissionState.LAND:
                 self._heights.pause(height_m)
             case _:

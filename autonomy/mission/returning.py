@@ -5,6 +5,10 @@ new stands on it, round what does where the planner finds a way to a later crumb
 height where the trail did. It moves under the same guard as ever: only through space that was seen
 to be free lately, so that it looks round on the way and waits where it has not yet.
 What cannot be flown back, in `failsafe.return_timeout_s` or after `_ATTEMPTS` looks, lands here.
+
+A mission that is to land where it found the goal unreachable comes by here too where that place is
+narrow: PX4 descends by its own estimate, whose drift nothing corrects any more, so that it is
+flown to the last open place first.
 """
 
 import itertools
@@ -16,13 +20,24 @@ import numpy as np
 from autonomy.config import Config
 from autonomy.geometry import Point, distance, polyline_length
 from autonomy.mission.course import Course
+from autonomy.mission.failsafe import Fault, Response, response_to
 from autonomy.mission.heights import Heights
 from autonomy.mission.sensing import Sensing
 from autonomy.mission.sequence import Move
 from autonomy.mission.steering import Steering
 from autonomy.mission.tick import Tick
 from autonomy.mission.trail import SAME_HEIGHT_M, Trail
-from autonomy.model import Crumb, Environment, Leg, LegKind, MissionState, NoPlan, Plan
+from autonomy.model import (
+    Crumb,
+    Ending,
+    Environment,
+    Leg,
+    LegKind,
+    MissionState,
+    NoPlan,
+    Outcome,
+    Plan,
+)
 from autonomy.t3drm.planner import Planner, violated
 from hal.frames import horizontal_norm
 
@@ -64,16 +79,19 @@ class Returning:
         self._wanted_m: float | None = None
         """The height that was set out for; None for a change that was under way before."""
         self._began_s: float | None = None
+        self._to_open = config.failsafe.return_to == "open"
 
     @property
     def begun(self) -> bool:
         """True once the mission has turned back."""
         return self._began_s is not None
 
-    def again(self, tick: Tick) -> None:
-        """The state is entered, for the first time or after a hold."""
+    def again(self, tick: Tick, outcome: Outcome | None) -> None:
+        """The state is entered, for the first time or after a hold; `outcome` is the mission's."""
         if self._began_s is None:
             self._began_s = tick.now_s
+        if outcome is not None and outcome.ending is Ending.UNREACHABLE:
+            self._to_open |= response_to(self._config, Fault.UNREACHABLE) is Response.LAND
         self._enter(tick, self._rest)
 
     def fly(self, tick: Tick) -> Move | None:
@@ -103,7 +121,7 @@ class Returning:
     def _choose(self, tick: Tick) -> Move | None:
         """What comes next: a stretch at this height, another height, or the landing."""
         point = tick.fused.point
-        back = self._trail.back(to_open=self._config.failsafe.return_to == "open")
+        back = self._trail.back(to_open=self._to_open)
         gone = [distance(crumb.point, point) > _THERE_M for crumb in back]
         if not any(gone) and all(self._is_here(crumb) for crumb in back):
             return _land(self._where())
@@ -158,7 +176,7 @@ class Returning:
 
     def _reached(self, tick: Tick, passed: int) -> Move | None:
         """At the end of a stretch."""
-        back = self._trail.back(to_open=self._config.failsafe.return_to == "open")
+        back = self._trail.back(to_open=self._to_open)
         if passed >= len(back):
             return _land(self._where())
         self._trail.drop(passed)
@@ -212,7 +230,7 @@ class Returning:
         return abs(crumb.height_m - self._heights.present_m) <= SAME_HEIGHT_M
 
     def _where(self) -> str:
-        if self._config.failsafe.return_to == "open":
+        if self._to_open:
             return "back at the last open place"
         return "back where the flight began"
 

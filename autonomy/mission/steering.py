@@ -71,7 +71,7 @@ class Steering:
         wanted = self._loops.track(
             (direction[0] * speed_m_s, direction[1] * speed_m_s), velocity, tick.dt_s
         )
-        north, east = push_away(wanted, nearest, guidance)
+        north, east = push_away(wanted, nearest, guidance, velocity)
         down_m = -self._heights.commanded_m
         climb_m_s = self._climb.step(down_m, fused.position_ned_m[2], tick.dt_s)
         self._hold_at = None

@@ -85,6 +85,17 @@ def test_a_goal_that_cannot_be_reached_leads_back_over_every_height_flown() -> N
     assert distance(flown.end, (0.0, 0.0)) < 0.3
 
 
+def test_a_verdict_in_a_narrow_place_is_landed_with_at_the_last_open_one() -> None:
+    one_height = {"planner": {"storeys": {"use": "never"}}}
+    flown = Flown("sealed", one_height | {"mission": {"replan": {"mode": "rolling"}}})
+    assert flown.flight.outcome.ending is Ending.UNREACHABLE
+    assert MissionState.RETURN in flown.states
+    assert any("open place" in why for _, _, why in flown.said)
+    end = flown.simulation.vehicle.truth().position_ned_m
+    assert flown.simulation.world.clearance_m(end) > 0.3
+    assert distance(flown.end, (0.0, 0.0)) > 1.0
+
+
 def test_a_vehicle_that_lost_a_beam_finds_back_with_three() -> None:
     lost = {"failsafe": {"sensor_loss": "return"}}
     flown = Flown("default", lost, "beam_silence@liftoff+25:beam=front")

@@ -3,7 +3,8 @@
 import math
 
 from hal.sim.scenario import load_scenario
-from tools.drift import Case, drifting, fly, table
+from tools.drift.flights import Case, drifting, fly
+from tools.drift.report import table
 
 
 def test_the_levels_of_drift_change_the_estimate_alone() -> None:

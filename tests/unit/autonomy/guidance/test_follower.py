@@ -58,8 +58,35 @@ def test_far_from_everything_nothing_pushes() -> None:
 
 def test_too_near_to_a_hit_the_velocity_leads_away() -> None:
     north, east = push_away((0.1, 0.05), (0.18, 0.0), CONFIG)
-    assert north == pytest.approx(-CONFIG.push_speed_m_s)
+    assert north == pytest.approx(-CONFIG.push_speed_m_s * (1.0 + 0.02 / 0.03))
     assert east == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "times"), [(0.1999999, 1.0), (0.185, 1.5), (0.14, 3.0), (0.05, 3.0)]
+)
+def test_the_push_grows_with_nearness_up_to_three_times(distance_m: float, times: float) -> None:
+    north, _ = push_away((0.0, 0.0), (distance_m, 0.0), CONFIG)
+    assert north == pytest.approx(-times * CONFIG.push_speed_m_s, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "flown", "along_m_s"),
+    [
+        (0.19, (0.04, 0.1), 0.0),  # closing in
+        (0.19, (0.02, 0.1), 0.1),  # hardly
+        (0.19, (-0.01, 0.1), 0.1),
+        (0.17, (0.0, 0.1), 0.0),  # too near, and only passing
+        (0.17, (-0.03, 0.1), 0.1),  # on its way out
+        (0.17, (0.0, 0.02), 0.1),  # at rest
+        (0.21, (0.1, 0.1), 0.1),  # far enough
+    ],
+)
+def test_what_feeds_an_approach_waits_until_it_has_ended(
+    distance_m: float, flown: tuple[float, float], along_m_s: float
+) -> None:
+    """A hit to the north, a path to the east."""
+    assert push_away((0.0, 0.1), (distance_m, 0.0), CONFIG, flown)[1] == along_m_s
 
 
 def test_a_velocity_that_already_leads_away_fast_enough_is_left_alone() -> None:
