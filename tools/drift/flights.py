@@ -72,8 +72,8 @@ class Row(msgspec.Struct, frozen=True):
 class Book:
     """Collects the truth of a flight, tick by tick."""
 
-    def __init__(self, body_radius_m: float) -> None:
-        self._radius_m = body_radius_m
+    def __init__(self, explain_below_m: float) -> None:
+        self._explain_below_m = explain_below_m
         self.errors: list[tuple[float, float]] = []
         """(s, m): how far the vehicle is from where it takes itself to be, while it flies."""
         self.clearance_m = {False: _FAR_M, True: _FAR_M}
@@ -95,7 +95,7 @@ class Book:
         self.clearance_m[landing] = min(self.clearance_m[landing], clear_m)
         if decision.state not in _AROUND:
             self.errors.append((decision.now_s, math.hypot(taken[0] - true[0], taken[1] - true[1])))
-        if clear_m < min(self._least_m, self._radius_m):
+        if clear_m < min(self._least_m, self._explain_below_m):
             self._least_m = clear_m
             self.touch = _moment(simulation, command, true, taken)
 
@@ -134,8 +134,8 @@ def fly(case: Case) -> Row:
     return flown(case)[0]
 
 
-def flown(case: Case) -> tuple[Row, Book]:
-    """The same, with what was collected on the way."""
+def flown(case: Case, explain_below_m: float | None = None) -> tuple[Row, Book]:
+    """The same, with what was collected on the way; explained is by default what touches."""
     scenario = drifting(scenario_of(case.room, case.seed), case.level)
     document = {
         "mission": {"replan": {"mode": case.mode}},
@@ -143,7 +143,8 @@ def flown(case: Case) -> tuple[Row, Book]:
     }
     config = with_scenario(Config.model_validate(document), scenario)
     simulation = Simulation(scenario, config, (goal_of(scenario, config),), case.seed)
-    book = Book(scenario.vehicle.body_radius_m)
+    below_m = scenario.vehicle.body_radius_m if explain_below_m is None else explain_below_m
+    book = Book(below_m)
     flight = simulation.run(on_tick=book.note)
     errors = np.array([error for _, error in book.errors] or [0.0])
     row = Row(
