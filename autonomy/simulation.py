@@ -24,7 +24,7 @@ from hal.frames import Vector3
 from hal.setpoints import Reply
 from hal.sim.autopilot import Autopilot
 from hal.sim.fault_clock import FaultClock
-from hal.sim.faults import GnssFaults, PositionFaults, with_beam_faults
+from hal.sim.faults import FaultyBeams, GnssFaults, PositionFaults, with_beam_faults
 from hal.sim.scenario import Scenario, VehicleSimulation
 from hal.sim.sensors import EstimatorError, SimulatedBeams, SimulatedGnss
 from hal.sim.vehicle import SimVehicle
@@ -98,6 +98,10 @@ class Simulation:
         self._replies: list[Reply] = []
         self.pending: list[OperatorCommand] = []
         """Operator commands for the next tick."""
+
+    def spoilt_readings(self, beam: str) -> int:
+        """How many readings of a beam its faults have changed, or kept back."""
+        return self._beams.spoilt[beam] if isinstance(self._beams, FaultyBeams) else 0
 
     def inputs(self) -> Inputs:
         """What the pilot may know now."""

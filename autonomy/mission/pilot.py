@@ -193,8 +193,8 @@ class Pilot:
     def _preflight(self, tick: Tick) -> Move | None:
         """PREFLIGHT: wait until nothing forbids arming."""
         silent = tuple(self._sensing.silent_beams(tick.now_s))
-        above_m = self._sensing.room_above_m()
-        return self._sequence.preflight(tick, tick.elapsed_s, silent, above_m)
+        above_m, covered = self._sensing.room_above_m(), self._sensing.covered_beams()
+        return self._sequence.preflight(tick, tick.elapsed_s, silent, above_m, covered)
 
     # ------------------------------------------------------------ bookkeeping
 

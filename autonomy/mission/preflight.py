@@ -107,10 +107,12 @@ def findings(
     fused: FusedState,
     silent_beams: tuple[str, ...],
     room_above_m: float | None = None,
+    covered_beams: tuple[str, ...] = (),
 ) -> tuple[str, ...]:
     """Everything that forbids arming now; empty when the vehicle is ready.
 
-    `room_above_m`: what the beam that looks up measures from the ground, None for nothing in range.
+    `room_above_m`: what the beam that looks up measures from the ground, None for nothing in range;
+    `covered_beams` see something that is on their lens.
     """
     found: list[str] = []
     if facts is not None:
@@ -139,6 +141,11 @@ def findings(
     if silent_beams:
         found.append(
             f"no reading from the range beams {', '.join(silent_beams)}; check sensors and wiring"
+        )
+    if covered_beams:
+        found.append(
+            f"the range beams {', '.join(covered_beams)} see something inside the vehicle's own "
+            "body; clean their lenses and take away what covers them"
         )
     needed_m = config.mission.altitude_m + config.guard.beam_stop_m
     if room_above_m is not None and room_above_m < needed_m:

@@ -14,6 +14,7 @@ from autonomy.estimation.wall_fix import WallFix
 from autonomy.geometry import Point
 from autonomy.mission.coverage import Lookout
 from autonomy.model import FusedState, Inputs, MovingObstacle, WallFixReport
+from autonomy.perception.doubt import lens
 from autonomy.perception.doubt.doubter import Doubt
 from autonomy.perception.movers import MoverTracker
 from autonomy.perception.obstacle_map import ObstacleMap
@@ -191,6 +192,12 @@ class Sensing:
             for name, age_s in ages.items()
             if age_s > limit_s or name not in self._measured_s
         }
+
+    def covered_beams(self) -> tuple[str, ...]:
+        """Thin level beams that see something inside the vehicle's own body: on their lens."""
+        mounts = self._config.beams.mounts
+        thin = (mounts[index] for index in self._thin_beams if mounts[index].horizontal)
+        return lens.covered(thin, self.newest, self._config.body.radius_m)
 
     def room_above_m(self) -> float | None:
         """What the beam that looks up measured last; None when it saw nothing."""

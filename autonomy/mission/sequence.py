@@ -73,6 +73,7 @@ class Sequence:
         elapsed_s: float,
         silent: tuple[str, ...],
         room_above_m: float | None = None,
+        covered: tuple[str, ...] = (),
     ) -> Move | None:
         """Wait until nothing forbids arming, or refuse when the time is up.
 
@@ -92,6 +93,7 @@ class Sequence:
             tick.fused,
             silent,
             room_above_m,
+            covered,
         )
         if not found:
             return Move(MissionState.ARM, "every check on the ground passed")

@@ -5,6 +5,7 @@ Nothing else in the simulation knows of them. Which fault comes when is the scen
 """
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterable
 
 import msgspec
@@ -87,6 +88,8 @@ class FaultyBeams:
         self._heard: dict[str, RangeReading] = {}
         self._last: dict[str, RangeReading] = {}
         self._passed_s: dict[str, float] = {}
+        self.spoilt: Counter[str] = Counter()
+        """How many readings of each beam came out otherwise than they were measured."""
 
     @property
     def beams(self) -> tuple[str, ...]:
@@ -105,8 +108,9 @@ class FaultyBeams:
         readings = self._sampler.sample(now_s, position_ned_m, roll_rad, pitch_rad, yaw_rad)
         active = self._clock.active(self._faults, now_s)
         self._heard.update((reading.beam, reading) for reading in readings)
-        spoilt = (self._spoil(reading, active) for reading in readings)
-        return tuple(reading for reading in spoilt if reading is not None)
+        spoilt = [(reading, self._spoil(reading, active)) for reading in readings]
+        self.spoilt.update(before.beam for before, after in spoilt if after != before)
+        return tuple(after for _, after in spoilt if after is not None)
 
     def _spoil(self, reading: RangeReading, active: tuple[BeamKind, ...]) -> RangeReading | None:
         kinds = [fault for fault in active if fault.beam in (None, reading.beam)]

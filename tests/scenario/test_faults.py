@@ -10,7 +10,7 @@ from autonomy.model import Ending, MissionState, OperatorCommand
 from autonomy.simulation import SimulatedFlight, Simulation, goal_of, with_scenario
 from hal.frames import add
 from hal.setpoints import Reply, Request, RequestKind
-from hal.sim.fault_kinds import BeamFault, PositionFault
+from hal.sim.fault_kinds import BeamBlocked, BeamFault, PositionFault
 from hal.sim.scenario import Scenario, load_scenario
 
 IN_CRUISE_S = 22.0
@@ -24,7 +24,7 @@ def nothing(simulation: Simulation, command: Command) -> None:
 
 
 def fly(
-    *faults: BeamFault | PositionFault,
+    *faults: BeamFault | BeamBlocked | PositionFault,
     on_tick: OnTick = nothing,
     config: Config | None = None,
     scenario: str = "default",
@@ -104,6 +104,13 @@ def test_a_missing_beam_on_the_ground_never_arms() -> None:
     flight = fly(BeamFault(kind="beam_silence", beam="left", start_s=0.0))
     assert flight.outcome.ending is Ending.PREFLIGHT_REFUSED
     assert "left" in flight.outcome.why
+    assert MissionState.ARM not in states(flight)
+
+
+def test_a_covered_lens_on_the_ground_never_arms() -> None:
+    flight = fly(BeamBlocked(kind="beam_blocked", beam="left", start_s=0.0))
+    assert flight.outcome.ending is Ending.PREFLIGHT_REFUSED
+    assert "left see something inside the vehicle's own body" in flight.outcome.why
     assert MissionState.ARM not in states(flight)
 
 

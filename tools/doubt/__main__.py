@@ -20,6 +20,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.doubt", description=__doc__)
     parser.add_argument("--flights", type=int, default=500, help="flights with a fault")
     parser.add_argument("--seeds", type=int, default=3, help="seeds of the flights without one")
+    parser.add_argument("--seed", type=int, default=0, help="which flights with a fault")
     parser.add_argument("--rows", type=Path, help="keep what was flown here, one JSON line each")
     parser.add_argument("--no-doubt", action="store_true", help="doubt silent beams only")
     parser.add_argument("--write", action="store_true", help=f"into {README.name}")
@@ -27,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     warm_up()
     rows = _rows(asked.rows)
     known = {row.case for row in rows}
-    for case in itertools.chain(healthy(asked.seeds), faulty(asked.flights)):
+    for case in itertools.chain(healthy(asked.seeds), faulty(asked.flights, asked.seed)):
         if case in known:
             continue
         row = fly(case, doubting=not asked.no_doubt)

@@ -1,5 +1,6 @@
 """One simulated flight with at most one fault of one beam, and what the doubt made of it."""
 
+import math
 from collections.abc import Iterator
 
 import msgspec
@@ -72,7 +73,8 @@ class Row(msgspec.Struct, frozen=True):
     """How it went. `doubts` are (time, beam, word) of every beam newly doubted on the way.
 
     `delay_s`: from the fault to the doubt of its beam, None for none; `active_s`: how long the
-    fault was there before the landing began.
+    fault was there before the landing began; `altered_s`: of that, for how long its readings were
+    otherwise than without the fault.
     """
 
     case: Case
@@ -87,12 +89,15 @@ class Row(msgspec.Struct, frozen=True):
     delay_s: float | None
     word: str
     doubts: tuple[tuple[float, str, str], ...]
+    altered_s: float = math.inf
 
 
 class _Watch:
     """Notes when which beam is doubted."""
 
-    def __init__(self) -> None:
+    def __init__(self, beam: str) -> None:
+        self._beam = beam
+        self.spoilt = 0
         self.liftoff_s: float | None = None
         self.last_s = 0.0
         self.doubts: list[tuple[float, str, str]] = []
@@ -105,6 +110,8 @@ class _Watch:
         if self.liftoff_s is None and not simulation.vehicle.truth().on_ground:
             self.liftoff_s = decision.now_s
         self.last_s = decision.now_s
+        if self._beam:
+            self.spoilt = simulation.spoilt_readings(self._beam)
         if not decision.doubts and not self._known:
             return
         self.doubts += [
@@ -127,7 +134,7 @@ def fly(case: Case, *, doubting: bool = True) -> Row:
     keys = {"mission": {"replan": {"mode": case.mode}}, "failsafe": {"doubt_beams": doubting}}
     config = with_scenario(Config.model_validate(keys), scenario)
     simulation = Simulation(scenario, config, (goal_of(scenario, config),), case.seed)
-    watch = _Watch()
+    watch = _Watch(case.beam)
     flight = simulation.run(on_tick=watch.note)
     liftoff_s = watch.liftoff_s if watch.liftoff_s is not None else watch.last_s
     began_s = liftoff_s + case.at_s
@@ -145,6 +152,7 @@ def fly(case: Case, *, doubting: bool = True) -> Row:
         round(own[0][0] - began_s, 2) if own else None,
         own[0][2] if own else "",
         tuple(watch.doubts),
+        round(watch.spoilt / scenario.beams.rate_hz, 2),
     )
 
 

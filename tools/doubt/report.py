@@ -10,6 +10,8 @@ from tools.doubt.flights import KINDS, Row
 BEGIN, END = "<!-- tables: python -m tools.doubt --write -->", "<!-- end of tables -->"
 _JUDGED_S = 10.0
 """A fault that was there for less before the landing proves nothing about the detector."""
+_ALTERED_S = 5.0
+"""A beam with nothing in range says the same with a bias, noise, or stuck."""
 _UPRIGHT = ("up", "down")
 _DETECTABLE = tuple(word for word in BeamWord if word is not BeamWord.OK)
 
@@ -63,7 +65,8 @@ def _misses(rows: Sequence[Row]) -> str:
         named = ", ".join(f"{word} {count}" for word, count in words.most_common())
         lines.append((f"`{kind}`", *_found(level), *_found(upright), named or "-"))
     head = (
-        "Found: faults that were there for at least 10 s of the flight; delay is the median and "
+        "Found: faults that were there for at least 10 s of the flight, and changed what the beam "
+        "says for at least 5 s; delay is the median and "
         "the longest, in s from the fault to the doubt."
     )
     columns = ("fault", "level: found", "delay", "up, down: found", "delay", "called")
@@ -71,12 +74,17 @@ def _misses(rows: Sequence[Row]) -> str:
 
 
 def _found(rows: Sequence[Row]) -> tuple[str, str]:
-    judged = [row for row in rows if row.active_s >= _JUDGED_S or row.delay_s is not None]
+    judged = [row for row in rows if _told(row) or row.delay_s is not None]
     delays = [row.delay_s for row in judged if row.delay_s is not None]
     if not delays:
         return f"0 of {len(judged)}", "-"
     span = f"{statistics.median(delays):.1f}, {max(delays):.1f}"
     return f"{len(delays)} of {len(judged)}", span
+
+
+def _told(row: Row) -> bool:
+    """True for a fault that was there, and changed readings, for long enough to be found."""
+    return row.active_s >= _JUDGED_S and row.altered_s >= _ALTERED_S
 
 
 def _endings(rows: Sequence[Row]) -> str:

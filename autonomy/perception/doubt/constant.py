@@ -15,17 +15,23 @@ from autonomy.perception.doubt.suspicion import Suspicion
 
 _RUN_TURNING, _TURN_RAD = 16, math.radians(80.0)
 """A cone of 25 deg keeps the distance of a pillar for 65 deg of turning, a wall's for less."""
+_TURN_ALONE_RAD = math.radians(200.0)
+"""Until then two beams have looked where this one looked before it froze."""
 _RUN_MOVING, _MOVE_M = 12, 0.15
 _RUN_QUIET, _TIMES_LONGEST, _FLOWN_MIN = 60, 4.0, 200
+_RUN_TOO_QUIET, _NOISY_M = 200, 0.003
+"""Drivers round to a centimetre: noise of 3 mm shows in so many readings."""
+_LEAPS, _NO_FLOOR = 10, 10
+_FROZEN_MIN, _VANISHED_MIN = 2, 2.0
 _BLIND = 10
 _AS_LONG = 0.9
 
 
-def find_turning(evidence: BeamEvidence) -> Suspicion | None:
-    """A horizontal beam that says one value all through a turn of 80 degrees."""
+def find_turning(evidence: BeamEvidence, *, alone: bool = False) -> Suspicion | None:
+    """A horizontal beam that says one value all through a turn of 80 degrees; 200 when `alone`."""
     if evidence.run_status != kernels.VALID or evidence.run < _RUN_TURNING:
         return None
-    if evidence.run_turned_rad < _TURN_RAD:
+    if evidence.run_turned_rad < (_TURN_ALONE_RAD if alone else _TURN_RAD):
         return None
     turned_deg = math.degrees(evidence.run_turned_rad)
     return Suspicion(
@@ -34,13 +40,31 @@ def find_turning(evidence: BeamEvidence) -> Suspicion | None:
     )
 
 
-def frozen(evidence: Sequence[BeamEvidence]) -> bool:
+def all_repeat(evidence: Sequence[BeamEvidence]) -> bool:
     """True when one beam is stuck, and all others have repeated themselves for as long.
 
-    Nothing in range counts as repeating, too: alone it is no reason to doubt.
+    Nothing in range counts as repeating, too: in the open sound beams do so.
     """
     stuck = [one.run for one in evidence if find_turning(one) is not None]
     return bool(stuck) and all(one.run >= _AS_LONG * min(stuck) for one in evidence)
+
+
+def frozen(evidence: Sequence[BeamEvidence]) -> bool:
+    """Of beams that all repeat themselves: True when that is no open space round one stuck beam.
+
+    Two of them say a distance, or one that says nothing looked past what was there before.
+    """
+    stuck = sum(find_turning(one) is not None for one in evidence)
+    vanished = any(one.vanished >= _VANISHED_MIN for one in evidence)
+    return stuck >= _FROZEN_MIN or vanished
+
+
+def floor_gone(evidence: Sequence[BeamEvidence]) -> bool:
+    """True when the floor of the take-off was seen, is in reach, and is not seen any more.
+
+    That may be the edge of a stage; with nothing in sight anywhere else it says that none sees.
+    """
+    return any(one.no_floor >= _NO_FLOOR for one in evidence)
 
 
 def find_upright(evidence: BeamEvidence) -> Suspicion | None:
@@ -51,13 +75,21 @@ def find_upright(evidence: BeamEvidence) -> Suspicion | None:
         return Suspicion(word, "its range does not change when the height does")
     if evidence.blind >= _BLIND:
         return Suspicion(BeamWord.SATURATED, "it does not see the floor that the vehicle left")
-    if evidence.run_status != kernels.VALID:
-        return None
+    if evidence.leaps >= _LEAPS:
+        why = "what it sees leapt, though the vehicle stayed where it was"
+        return Suspicion(BeamWord.INCONSISTENT, why)
+    return _find_too_quiet(evidence) if evidence.run_status == kernels.VALID else None
+
+
+def _find_too_quiet(evidence: BeamEvidence) -> Suspicion | None:
+    """The same value again, where the height changed, or its own noise should change it."""
     if evidence.run >= _RUN_MOVING and evidence.run_climbed_m >= _MOVE_M:
         moved = f"{evidence.run_climbed_m:.2f} m up or down"
         return Suspicion(BeamWord.STUCK, f"it says {evidence.run_value_m:.2f} m through {moved}")
     usual = max(_RUN_QUIET, _TIMES_LONGEST * evidence.longest_run)
-    if evidence.flown - evidence.run >= _FLOWN_MIN and evidence.run >= usual:
+    unusual = evidence.flown - evidence.run >= _FLOWN_MIN and evidence.run >= usual
+    too_quiet = evidence.run >= _RUN_TOO_QUIET and evidence.claimed_m >= _NOISY_M
+    if unusual or too_quiet:
         times = f"{evidence.run:.0f} times in a row"
         return Suspicion(BeamWord.STUCK, f"it says {evidence.run_value_m:.2f} m {times}")
     return None

@@ -63,6 +63,7 @@ class Doubt:
         self._looked_s: float | None = None
         self._began_at_m: float | None = None
         self._changed_height = False
+        self._all_repeat = False
         self._denied: frozenset[str] = frozenset()
         self._near_m = body.radius_m + _NEAR_M
         self.doubts: tuple[BeamDoubt, ...] = ()
@@ -119,7 +120,8 @@ class Doubt:
         self._looked_s = now_s
         evidence = self._witness.beams(now_s)
         flying = self._flying(fused)
-        if self._thorough and flying and constant.frozen(evidence):
+        self._all_repeat = flying and constant.all_repeat(evidence)
+        if self._thorough and self._all_repeat and constant.frozen(evidence):
             why = "all beams repeat themselves"
             self._doubt_all(now_s, self._trusted(), Suspicion(BeamWord.STUCK, why))
         for beam in self._beams:
@@ -173,8 +175,11 @@ class Doubt:
         if found is None and flying:
             found = noise.find(evidence, self._names, upright=upright)
         if found is None and flying:
-            check = constant.find_upright if upright else constant.find_turning
-            found = check(evidence)
+            found = (
+                constant.find_upright(evidence)
+                if upright
+                else constant.find_turning(evidence, alone=self._all_repeat)
+            )
         return found
 
     def _since(self, now_s: float, found: Suspicion, evidence: BeamEvidence) -> float:
@@ -232,8 +237,8 @@ class Doubt:
         pairs, trusted = self._witness.pairs(), self._trusted()
         heard = [evidence[index] for index in trusted]
         since_hit_s = min((one.unhit_s for one in heard), default=0.0)
-        if since_hit_s == math.inf and self._floor_is_missed():
-            why = "no beam has seen anything yet, not even the floor"
+        if since_hit_s >= disagreement.EMPTY_S and self._no_floor(evidence):
+            why = "no beam sees anything, not even the floor that was there"
             self._doubt_all(now_s, trusted, Suspicion(BeamWord.SATURATED, why))
             return
         if not self._changed_height and disagreement.nothing_any_more(since_hit_s, heard):
@@ -252,9 +257,9 @@ class Doubt:
             why = "all beams contradict each other"
             self._doubt_all(now_s, trusted, Suspicion(BeamWord.INCONSISTENT, why))
 
-    def _floor_is_missed(self) -> bool:
+    def _no_floor(self, evidence: tuple[BeamEvidence, ...]) -> bool:
         """True while a beam that looks down says that the floor it left is not there."""
-        return any(
+        return constant.floor_gone(evidence) or any(
             beam.mount.pitch_deg < 0.0 and not beam.mount.horizontal
             for beam in self._beams
             if beam.doubt is not None and beam.doubt.word is BeamWord.SATURATED

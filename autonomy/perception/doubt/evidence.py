@@ -8,7 +8,7 @@ import numpy as np
 
 from autonomy.model import FusedState
 from autonomy.perception.doubt import kernels
-from hal.config import BeamsConfig
+from hal.config import BeamMount, BeamsConfig
 from hal.readings import RangeReading, RangeStatus
 
 _CODES = {
@@ -52,6 +52,8 @@ class BeamEvidence(msgspec.Struct, frozen=True, gc=False):
     flown: float
     vanished: float
     unhit_s: float
+    leaps: float
+    no_floor: float
 
 
 class Witness:
@@ -69,15 +71,17 @@ class Witness:
             yaw, pitch = math.radians(mount.yaw_deg), math.radians(mount.pitch_deg)
             level = math.cos(pitch)
             direction = (level * math.cos(yaw), level * math.sin(yaw), -math.sin(pitch))
-            face = (mount.forward_m, mount.right_m, mount.down_m)
             row[kernels.M_DIRECTION : kernels.M_DIRECTION + 3] = direction
-            row[kernels.M_FACE : kernels.M_FACE + 3] = face
-            along_m = sum(a * b for a, b in zip(direction, face, strict=True))
+            row[kernels.M_FACE : kernels.M_FACE + 3] = (
+                mount.forward_m,
+                mount.right_m,
+                mount.down_m,
+            )
             rise = 0 if mount.horizontal else int(math.copysign(1.0, mount.pitch_deg))
             row[kernels.M_RISE] = rise
             row[kernels.M_LATENCY] = beams.latency_of(mount)
             body_m = half_height_m if rise else body_radius_m
-            row[kernels.M_BODY] = max(body_m - _INSIDE_M - along_m, 0.0)
+            row[kernels.M_BODY] = inside_m(mount, body_m)
             if rise and abs(mount.pitch_deg) < _UPWARDS_DEG:
                 # Neither level nor upright: nothing to compare it with.
                 row[kernels.M_BODY] = 0.0
@@ -191,6 +195,14 @@ class Witness:
         self._pairs[:, beam, :] = 0.0
         self._copies[beam, :] = 0.0
         self._copies[:, beam] = 0.0
+
+
+def inside_m(mount: BeamMount, body_m: float) -> float:
+    """Ranges below this end inside a body that reaches `body_m` from the centre that way."""
+    yaw, pitch = math.radians(mount.yaw_deg), math.radians(mount.pitch_deg)
+    ahead_m = math.cos(yaw) * mount.forward_m + math.sin(yaw) * mount.right_m
+    along_m = math.cos(pitch) * ahead_m - math.sin(pitch) * mount.down_m
+    return max(body_m - _INSIDE_M - along_m, 0.0)
 
 
 def _no_tracks(count: int) -> "np.ndarray[tuple[int, int], np.dtype[np.float64]]":

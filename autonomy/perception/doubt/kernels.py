@@ -56,7 +56,16 @@ T_SIGMA = 19  # the standard deviation that the newest reading claims
 T_FLOWN = 20  # readings that measured a value in the air
 T_DISPUTED = 22  # 1: it showed as free, lately, what another beam has just hit
 T_HIT = 21  # when it last hit something in the plane
-TRACK_COLUMNS = 23
+T_RUN_SINCE = 23  # stamp of the run's first reading
+T_BORNE = 24  # readings that agree with the reference ...
+T_LEAPS = 25  # ... and those in a row that do not, though the vehicle has hardly moved
+T_LEAP_LOW = 26  # least and greatest of these, less what the height explains
+T_LEAP_HIGH = 27
+T_AT_NORTH = 28  # where the last reading agreed with the reference
+T_AT_EAST = 29
+T_FLOOR = 30  # readings in a row of the floor of the take-off ...
+T_NO_FLOOR = 31  # ... and those after them with nothing in range, though it is in reach
+TRACK_COLUMNS = 32
 
 C_TIME, C_TURNED, C_YAW = range(3)
 CLOCK_COLUMNS = 3
@@ -114,7 +123,9 @@ S_EMPTY = 21  # share of the recent readings with nothing in range
 S_FLOWN = 22
 S_VANISHED = 23
 S_UNHIT = 24  # s since it hit something in the plane
-SUMMARY_COLUMNS = 25
+S_LEAPS = 25  # up, down: readings in a row of another surface, though the vehicle stayed
+S_NO_FLOOR = 26  # down: readings in a row that miss the floor that it saw just before
+SUMMARY_COLUMNS = 27
 
 AGE_S = 3.5
 """Two sweeps of four beams at 60 deg/s: older views are of another time."""
@@ -155,6 +166,14 @@ FOLLOW_M = 0.15
 FOLLOW_SHARE = 0.3
 FOLLOW_WITHIN_M = 0.12
 FOLLOW_S = 5.0
+LEAP_M, LEAP_WITHIN_M = 0.15, 0.03
+"""No surface steps by so much while the vehicle stays within so little ..."""
+LEAP_SPREAD_M = 0.12
+"""... and then stays there, with no more noise than this."""
+BORNE_MIN = 5.0
+TAKE_OFF_FLOOR_M = 0.2
+"""What is nearer than the floor of the take-off by this is something on it."""
+FROZEN_RUN = 5.0
 FLOOR_LOW_M, FLOOR_HIGH_M, FLOOR_WITHIN_M = 0.25, 0.8, 0.25
 FLYING_M = 0.3
 
@@ -317,7 +336,7 @@ def _look(views, tracks, mounts, pairs, gone, reading, pose):
                     tracks[other, T_DISPUTED] = 1.0
     if abs(pose[P_RATE]) < 0.1:
         return
-    _sweep_past(views, mounts, pairs, gone, beam, sector, down, now, pose[P_RATE])
+    _sweep_past(views, tracks, mounts, pairs, gone, beam, sector, down, now, pose[P_RATE])
 
 
 @njit(cache=True)
@@ -353,7 +372,13 @@ def _denied(view, ray, sector):
 
 
 @njit(cache=True)
-def _sweep_past(views, mounts, pairs, gone, beam, sector, down, now, rate):
+def _repeated(track, stamp):
+    """True when what the beam said then it still says: nothing that may have vanished."""
+    return track[T_RUN] >= FROZEN_RUN and stamp >= track[T_RUN_SINCE]
+
+
+@njit(cache=True)
+def _sweep_past(views, tracks, mounts, pairs, gone, beam, sector, down, now, rate):
     """What others hit there before, now that this beam has swept past it."""
     behind = (sector - (BEHIND_BINS if rate > 0.0 else -BEHIND_BINS)) % BINS
     for other in range(len(mounts)):
@@ -368,7 +393,9 @@ def _sweep_past(views, mounts, pairs, gone, beam, sector, down, now, rate):
         hit_e = seen[V_EAST] + seen[V_SIN] * seen[V_RANGE]
         said = _compare(views[beam], hit_n, hit_e, seen[V_DOWN], seen[V_NORTH], seen[V_EAST], now)
         _book(pairs, beam, other, said)
-        if said > 0 and mounts[other, M_TRUSTED] != 0.0:
+        if said <= 0 or mounts[other, M_TRUSTED] == 0.0:
+            continue
+        if not _repeated(tracks[other], seen[V_STAMP] + mounts[other, M_LATENCY]):
             gone[beam, other] += 1.0
 
 
@@ -377,25 +404,21 @@ def _follow(track, mount, reading, pose):
     """Up and down: the range must change as the height does, while the place stays."""
     height = -pose[P_DOWN]
     status = int(reading[Q_STATUS])
-    near_home = math.hypot(pose[P_NORTH], pose[P_EAST]) < FLOOR_WITHIN_M
-    if (
-        mount[M_RISE] < 0.0
-        and near_home
-        and FLOOR_LOW_M < height < FLOOR_HIGH_M
-        and status == OUT_OF_RANGE
-        and reading[Q_RANGE] > height + SPIKE_M
-    ):
-        track[T_BLIND] += 1.0
-    elif status != NO_SIGNAL:
-        track[T_BLIND] = 0.0
-    if status in (NO_SIGNAL, OUT_OF_RANGE):
-        track[T_REF_STAMP] = -math.inf
+    if status == NO_SIGNAL:
         return
-    ranged = reading[Q_RANGE]
     away = math.hypot(pose[P_NORTH] - track[T_REF_NORTH], pose[P_EAST] - track[T_REF_EAST])
     climbed = height - track[T_REF_HEIGHT]
-    old = reading[Q_STAMP] - track[T_REF_STAMP] > FOLLOW_S
-    if old or away > FOLLOW_WITHIN_M:
+    old = reading[Q_STAMP] - track[T_REF_STAMP] > FOLLOW_S or away > FOLLOW_WITHIN_M
+    if mount[M_RISE] < 0.0:
+        _see_floor(track, reading, pose)
+    if not old and _leapt(track, reading, pose, -mount[M_RISE] * climbed):
+        return
+    if status == OUT_OF_RANGE:
+        if track[T_BORNE] < BORNE_MIN or old:
+            track[T_REF_STAMP] = -math.inf
+        return
+    ranged = reading[Q_RANGE]
+    if old:
         pass
     elif abs(climbed) < FOLLOW_M:
         return
@@ -406,11 +429,62 @@ def _follow(track, mount, reading, pose):
     else:
         track[T_STAYS] = 0.0
         track[T_FOLLOWS] += 1.0
+    track[T_BORNE] = track[T_LEAPS] = 0.0
     track[T_REF_STAMP] = reading[Q_STAMP]
     track[T_REF_HEIGHT] = height
     track[T_REF_RANGE] = ranged
     track[T_REF_NORTH] = pose[P_NORTH]
     track[T_REF_EAST] = pose[P_EAST]
+
+
+@njit(cache=True)
+def _see_floor(track, reading, pose):
+    """Count what the beam down says of the floor of the take-off."""
+    height = -pose[P_DOWN]
+    ranged = reading[Q_RANGE]
+    if int(reading[Q_STATUS]) != OUT_OF_RANGE or ranged <= height + SPIKE_M:
+        track[T_BLIND] = track[T_NO_FLOOR] = 0.0
+        seen = int(reading[Q_STATUS]) == VALID and abs(ranged - height) < TAKE_OFF_FLOOR_M
+        track[T_FLOOR] = track[T_FLOOR] + 1.0 if seen else 0.0
+        return
+    near_home = math.hypot(pose[P_NORTH], pose[P_EAST]) < FLOOR_WITHIN_M
+    if near_home and FLOOR_LOW_M < height < FLOOR_HIGH_M:
+        track[T_BLIND] += 1.0
+    if track[T_FLOOR] >= BORNE_MIN and height > FLYING_M:
+        track[T_NO_FLOOR] += 1.0
+
+
+@njit(cache=True)
+def _leapt(track, reading, pose, longer):
+    """Count the readings of another surface than the reference, at the same place.
+
+    `longer`: by how much the height makes the range longer than the reference. True while a
+    surface that several readings bore out seems to have gone: then the reference stays.
+    """
+    off = reading[Q_RANGE] - track[T_REF_RANGE] - longer
+    if int(reading[Q_STATUS]) == TOO_NEAR or abs(longer) > FOLLOW_M:
+        return False
+    if abs(off) <= LEAP_M:
+        # Nothing in range, at the end of the range, agrees with a surface there.
+        track[T_BORNE] += 1.0
+        track[T_LEAPS] = 0.0
+        track[T_AT_NORTH] = pose[P_NORTH]
+        track[T_AT_EAST] = pose[P_EAST]
+        return False
+    away = math.hypot(pose[P_NORTH] - track[T_AT_NORTH], pose[P_EAST] - track[T_AT_EAST])
+    nothing = int(reading[Q_STATUS]) == OUT_OF_RANGE
+    if (nothing and off < 0.0) or track[T_BORNE] < BORNE_MIN or away > LEAP_WITHIN_M:
+        track[T_LEAPS] = 0.0
+        return False
+    if track[T_LEAPS] == 0.0:
+        track[T_LEAP_LOW] = track[T_LEAP_HIGH] = off
+    low, high = min(track[T_LEAP_LOW], off), max(track[T_LEAP_HIGH], off)
+    track[T_LEAP_LOW], track[T_LEAP_HIGH] = low, high
+    if high - low > LEAP_SPREAD_M:
+        track[T_LEAPS] = 0.0
+        return False
+    track[T_LEAPS] += 1.0
+    return True
 
 
 @njit(cache=True)
@@ -442,6 +516,7 @@ def _remember(ring, track, mount, reading, clock, height):
         track[T_RUN_VALUE] = reading[Q_RANGE]
         track[T_RUN_STATUS] = status
         track[T_RUN_TURN] = clock[C_TURNED]
+        track[T_RUN_SINCE] = stamp
         track[T_RUN_LOW] = track[T_RUN_HIGH] = height
     track[T_RUN_LOW] = min(track[T_RUN_LOW], height)
     track[T_RUN_HIGH] = max(track[T_RUN_HIGH], height)
@@ -605,6 +680,8 @@ def summarize(rings, tracks, copies, gone, clock, now, out):
         row[S_STAYS] = track[T_STAYS]
         row[S_FOLLOWS] = track[T_FOLLOWS]
         row[S_BLIND] = track[T_BLIND]
+        row[S_LEAPS] = track[T_LEAPS]
+        row[S_NO_FLOOR] = track[T_NO_FLOOR]
         row[S_SAME] = row[S_COPIES] = 0.0
         row[S_SAME_AS] = row[S_COPIES_OF] = -1.0
         for other in range(len(tracks)):

@@ -87,6 +87,11 @@ def test_the_guards_gain_must_be_px4s() -> None:
     assert parameter_findings({**parameters, "MPC_XY_P": 1.0}, 0.95) == ()
 
 
+def test_a_covered_lens_keeps_the_vehicle_on_the_ground() -> None:
+    found = findings(CONFIG, FACTS, STATUS, FUSED, (), covered_beams=("front", "left"))
+    assert "front, left see something inside the vehicle's own body" in only(found)
+
+
 def test_there_must_be_room_above_for_the_take_off() -> None:
     needed_m = CONFIG.mission.altitude_m + CONFIG.guard.beam_stop_m
     low = findings(CONFIG, FACTS, STATUS, FUSED, (), needed_m - 0.01)

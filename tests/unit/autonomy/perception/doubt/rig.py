@@ -33,11 +33,27 @@ ROOM = Scenario(
 )
 OPEN = Scenario(name="open", goal_ne_m=(0.0, 0.2))
 
+ONE_WALL = Scenario(
+    name="one wall",
+    goal_ne_m=(0.0, 0.2),
+    obstacles=(Wall(from_ne_m=(0.7, -3.0), to_ne_m=(0.7, 3.0)),),
+)
+STEP = Scenario(
+    name="step",
+    goal_ne_m=(0.0, 0.2),
+    obstacles=(Box(centre_ne_m=(1.2, 0.0), size_m=(2.0, 4.0), height_m=0.3),),
+)
+
 Height = Callable[[float], float]
 
 
 def level(_: float) -> float:
     return 0.9
+
+
+def high(_: float) -> float:
+    """Above the reach of the beam that looks down."""
+    return 1.4
 
 
 class Turning:
@@ -53,6 +69,7 @@ class Turning:
         height: Height = level,
         rate_rad_s: float = RATE_RAD_S,
         model: BeamSimulation | None = None,
+        way_m: float = 0.3,
     ) -> None:
         rng = np.random.default_rng(seed)
         beams = BeamsConfig(latency_s=0.0)
@@ -63,12 +80,12 @@ class Turning:
         self.history: list[tuple[float, BeamDoubt]] = []
         self.now_s = 0.0
         self._speed_m_s, self._height, self._rate_rad_s = speed_m_s, height, rate_rad_s
-        self._yaw_rad = 0.0
+        self._yaw_rad, self._way_m = 0.0, way_m
         self._known: tuple[BeamDoubt, ...] = ()
         self.readings: tuple[RangeReading, ...] = ()
 
     def fly(self, seconds: float) -> "Turning":
-        """Let time pass; the vehicle goes to and fro along north within 15 cm."""
+        """Let time pass; the vehicle goes to and fro along north on `way_m`."""
         for _ in range(round(seconds / TICK_S)):
             self._step()
         return self
@@ -76,10 +93,10 @@ class Turning:
     def _step(self) -> None:
         self.now_s += TICK_S
         self._yaw_rad = wrap_pi(self._yaw_rad + self._rate_rad_s * TICK_S)
-        there_s = 0.3 / self._speed_m_s if self._speed_m_s > 0.0 else math.inf
+        there_s = self._way_m / self._speed_m_s if self._speed_m_s > 0.0 else math.inf
         phase = (self.now_s % (2.0 * there_s)) / there_s if there_s < math.inf else 0.5
         forth = phase < 1.0
-        north = -0.15 + 0.3 * (phase if forth else 2.0 - phase)
+        north = self._way_m * ((phase if forth else 2.0 - phase) - 0.5)
         height_m = self._height(self.now_s)
         climb_m_s = (height_m - self._height(self.now_s - TICK_S)) / TICK_S
         position = (north, 0.0, -height_m)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from autonomy.model import BeamWord
 from hal.readings import RangeReading, RangeStatus
 from hal.sim.scenario import BeamSimulation
-from tests.unit.autonomy.perception.doubt.rig import OPEN, ROOM, Turning
+from tests.unit.autonomy.perception.doubt.rig import ONE_WALL, OPEN, ROOM, STEP, Turning, high
 
 LEVEL = ("front", "right", "back", "left")
 W = BeamWord
@@ -101,6 +101,68 @@ def test_beams_that_never_saw_anything_are_doubted_when_the_floor_is_missed() ->
 
 def test_the_open_is_no_reason_to_doubt() -> None:
     assert Turning(room=OPEN).fly(20.0).history == []
+
+
+@pytest.mark.parametrize("kind", ["beam_constant@8:beam=front,range_m=0.4", "beam_stuck@8:beam=up"])
+def test_one_frozen_beam_in_the_open_does_not_accuse_the_others(kind: str) -> None:
+    flown = Turning(kind, room=OPEN).fly(30.0)
+    assert {doubt.beam for _, doubt in flown.history} <= {"front"}
+
+
+def test_a_frozen_beam_in_the_open_is_found() -> None:
+    fault = "beam_constant@8:beam=front,range_m=0.4"
+    assert Turning(fault, room=OPEN).fly(16.0).words()["front"] in (W.STUCK, W.INCONSISTENT)
+
+
+def test_one_frozen_beam_by_a_wall_does_not_accuse_the_others() -> None:
+    flown = Turning("beam_stuck@8.2:beam=front", room=ONE_WALL).fly(30.0)
+    assert {doubt.beam for _, doubt in flown.history} == {"front"}
+
+
+@pytest.mark.parametrize("at_s", [8.0, 8.5, 9.0, 9.4, 10.1])
+def test_all_beams_that_freeze_while_one_sees_a_wall_are_doubted(at_s: float) -> None:
+    frozen = Turning(f"beam_stuck@{at_s}", room=ONE_WALL, height=high).fly(at_s + 5.0)
+    assert set(frozen.words()) >= set(LEVEL)
+
+
+def test_beams_that_go_blind_in_the_open_are_doubted_where_the_floor_was_in_reach() -> None:
+    flown = Turning("beam_constant@8", room=OPEN, height=lambda _: 0.8).fly(10.0)
+    assert set(flown.words()) == set(LEVEL)
+
+
+def test_above_the_reach_of_the_beam_down_nobody_can_tell_blindness_from_the_open() -> None:
+    assert Turning("beam_constant@8", room=OPEN, height=high).fly(20.0).history == []
+
+
+@pytest.mark.parametrize("beam", ["up", "down"])
+@pytest.mark.parametrize("range_m", [0.4, 0.7])
+def test_a_beam_up_or_down_that_says_one_value_in_level_flight_is_found(
+    beam: str, range_m: float
+) -> None:
+    fault = f"beam_constant@5:beam={beam},range_m={range_m}"
+    flown = Turning(fault, room=OPEN).fly(16.0)
+    assert set(flown.words()) == {beam}
+
+
+@pytest.mark.parametrize("bias_m", [-0.3, -0.2])
+def test_a_floor_that_leaps_while_the_vehicle_stays_is_no_floor(bias_m: float) -> None:
+    flown = Turning(f"beam_bias@8:beam=down,bias_m={bias_m}", speed_m_s=0.0).fly(10.0)
+    assert flown.words() == {"down": W.INCONSISTENT}
+
+
+@pytest.mark.parametrize("half_angle_deg", [0.0, 12.5])
+@pytest.mark.parametrize("speed_m_s", [0.1, 0.2])
+def test_an_edge_on_the_floor_is_no_reason_to_doubt(
+    half_angle_deg: float, speed_m_s: float
+) -> None:
+    flown = Turning(
+        room=STEP,
+        speed_m_s=speed_m_s,
+        half_angle_deg=half_angle_deg,
+        height=lambda _: 0.8,
+        way_m=0.8,
+    )
+    assert flown.fly(30.0).history == []
 
 
 def test_without_motion_a_repeated_range_is_no_reason_to_doubt() -> None:
