@@ -15,8 +15,6 @@ from autonomy.perception.doubt.suspicion import Suspicion
 
 _RUN_TURNING, _TURN_RAD = 16, math.radians(80.0)
 """A cone of 25 deg keeps the distance of a pillar for 65 deg of turning, a wall's for less."""
-_TURN_ALONE_RAD = math.radians(200.0)
-"""Until then two beams have looked where this one looked before it froze."""
 _RUN_MOVING, _MOVE_M = 12, 0.15
 _RUN_QUIET, _TIMES_LONGEST, _FLOWN_MIN = 60, 4.0, 200
 _RUN_TOO_QUIET, _NOISY_M = 200, 0.003
@@ -27,11 +25,11 @@ _BLIND = 10
 _AS_LONG = 0.9
 
 
-def find_turning(evidence: BeamEvidence, *, alone: bool = False) -> Suspicion | None:
-    """A horizontal beam that says one value all through a turn of 80 degrees; 200 when `alone`."""
+def find_turning(evidence: BeamEvidence) -> Suspicion | None:
+    """A horizontal beam that says one value all through a turn of 80 degrees."""
     if evidence.run_status != kernels.VALID or evidence.run < _RUN_TURNING:
         return None
-    if evidence.run_turned_rad < (_TURN_ALONE_RAD if alone else _TURN_RAD):
+    if evidence.run_turned_rad < _TURN_RAD:
         return None
     turned_deg = math.degrees(evidence.run_turned_rad)
     return Suspicion(
@@ -40,23 +38,16 @@ def find_turning(evidence: BeamEvidence, *, alone: bool = False) -> Suspicion | 
     )
 
 
-def all_repeat(evidence: Sequence[BeamEvidence]) -> bool:
-    """True when one beam is stuck, and all others have repeated themselves for as long.
+def frozen(evidence: Sequence[BeamEvidence]) -> bool:
+    """True when beams are stuck, and all others have repeated themselves for as long.
 
-    Nothing in range counts as repeating, too: in the open sound beams do so.
+    Nothing in range counts as repeating, too: in the open sound beams do so. Hence two must say
+    a distance, or one that says nothing has looked past what was there before.
     """
     stuck = [one.run for one in evidence if find_turning(one) is not None]
-    return bool(stuck) and all(one.run >= _AS_LONG * min(stuck) for one in evidence)
-
-
-def frozen(evidence: Sequence[BeamEvidence]) -> bool:
-    """Of beams that all repeat themselves: True when that is no open space round one stuck beam.
-
-    Two of them say a distance, or one that says nothing looked past what was there before.
-    """
-    stuck = sum(find_turning(one) is not None for one in evidence)
-    vanished = any(one.vanished >= _VANISHED_MIN for one in evidence)
-    return stuck >= _FROZEN_MIN or vanished
+    if not stuck or any(one.run < _AS_LONG * min(stuck) for one in evidence):
+        return False
+    return len(stuck) >= _FROZEN_MIN or any(one.vanished >= _VANISHED_MIN for one in evidence)
 
 
 def floor_gone(evidence: Sequence[BeamEvidence]) -> bool:

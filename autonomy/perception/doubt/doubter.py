@@ -63,7 +63,6 @@ class Doubt:
         self._looked_s: float | None = None
         self._began_at_m: float | None = None
         self._changed_height = False
-        self._all_repeat = False
         self._denied: frozenset[str] = frozenset()
         self._near_m = body.radius_m + _NEAR_M
         self.doubts: tuple[BeamDoubt, ...] = ()
@@ -120,8 +119,7 @@ class Doubt:
         self._looked_s = now_s
         evidence = self._witness.beams(now_s)
         flying = self._flying(fused)
-        self._all_repeat = flying and constant.all_repeat(evidence)
-        if self._thorough and self._all_repeat and constant.frozen(evidence):
+        if self._thorough and flying and constant.frozen(evidence):
             why = "all beams repeat themselves"
             self._doubt_all(now_s, self._trusted(), Suspicion(BeamWord.STUCK, why))
         for beam in self._beams:
@@ -175,11 +173,8 @@ class Doubt:
         if found is None and flying:
             found = noise.find(evidence, self._names, upright=upright)
         if found is None and flying:
-            found = (
-                constant.find_upright(evidence)
-                if upright
-                else constant.find_turning(evidence, alone=self._all_repeat)
-            )
+            check = constant.find_upright if upright else constant.find_turning
+            found = check(evidence)
         return found
 
     def _since(self, now_s: float, found: Suspicion, evidence: BeamEvidence) -> float:
