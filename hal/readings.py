@@ -11,7 +11,7 @@ from enum import StrEnum
 import msgspec
 
 from hal.errors import ReadingRefused
-from hal.frames import Vector3, finite3
+from hal.frames import Vector3
 
 FARTHEST_M, FASTEST_M_S = 1e5, 1e3
 """No small multicopter is farther from where it was switched on, or faster: who says so, errs."""
@@ -122,22 +122,22 @@ class LocalPosition(msgspec.Struct, frozen=True):
     reset_counter: int = 0
 
     def __post_init__(self) -> None:
-        if not (
-            math.isfinite(self.stamp_s)
-            and finite3(self.position_ned_m)
-            and finite3(self.velocity_ned_m_s)
-        ):
-            raise ReadingRefused("local position: a component is not a number")
         (n, e, d), (vn, ve, vd) = self.position_ned_m, self.velocity_ned_m_s
         if not (
-            -FARTHEST_M <= n <= FARTHEST_M
+            -math.inf < self.stamp_s < math.inf
+            and -FARTHEST_M <= n <= FARTHEST_M
             and -FARTHEST_M <= e <= FARTHEST_M
             and -FARTHEST_M <= d <= FARTHEST_M
             and -FASTEST_M_S <= vn <= FASTEST_M_S
             and -FASTEST_M_S <= ve <= FASTEST_M_S
             and -FASTEST_M_S <= vd <= FASTEST_M_S
         ):
-            raise ReadingRefused("local position: no multicopter is there, or that fast")
+            numbers = (self.stamp_s, n, e, d, vn, ve, vd)
+            raise ReadingRefused(
+                "local position: no multicopter is there, or that fast"
+                if all(map(math.isfinite, numbers))
+                else "local position: a component is not a number"
+            )
 
 
 class Attitude(msgspec.Struct, frozen=True):

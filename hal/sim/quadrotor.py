@@ -256,16 +256,20 @@ class Quadrotor:
         """
         c = self._command
         if command is not self._last:
-            c[_P_SP : _P_SP + 3] = command.position_ned_m
-            c[_V_SP : _V_SP + 3] = command.velocity_ned_m_s
-            c[_YAW_SP] = command.yaw_rad
-            c[_RATE_SP] = command.yaw_rate_rad_s
+            c[_P_SP : _RATE_SP + 1] = (
+                *command.position_ned_m,
+                *command.velocity_ned_m_s,
+                command.yaw_rad,
+                command.yaw_rate_rad_s,
+            )
             c[_A_FF : _A_FF + 3] = command.acceleration_ned_m_s2
             self._last = command
         if error is not EXACT:
-            c[_P_ERR : _P_ERR + 3] = error.position_ned_m
-            c[_V_ERR : _V_ERR + 3] = error.velocity_ned_m_s
-            c[_YAW_ERR] = error.yaw_rad
+            c[_P_ERR : _YAW_ERR + 1] = (
+                *error.position_ned_m,
+                *error.velocity_ned_m_s,
+                error.yaw_rad,
+            )
         else:
             c[_P_ERR : _YAW_ERR + 1] = 0.0
         steps = max(1, round(dt_s / SUBSTEP_S))

@@ -1,9 +1,9 @@
-"""`make bench`: flights in process, then planners on known maps. See tools/bench/README.md."""
+"""`make bench`: flights in process, ticks, planners on known maps. See tools/bench/README.md."""
 
 import argparse
 
 from hal.sim.scenario import shipped_scenarios
-from tools.bench import flights, planners, report
+from tools.bench import flights, planners, report, ticks
 
 
 def main() -> None:
@@ -20,8 +20,11 @@ def main() -> None:
         flights.campaign(names, range(options.seeds), "stop", options.jobs)
     )
     print(section)
+    tick = ticks.section(["default", "u_trap", ticks.ROOM], 0.0, passes=3)
+    print(tick)
     if options.write:
         report.renew("flights", section)
+        report.renew("ticks", tick)
     planners.run(options)
 
 
