@@ -24,6 +24,9 @@ from hal.readings import FlightMode, LandedState, StatusText, VehicleFacts, Vehi
 from hal.setpoints import Reply, Request, RequestKind, Setpoint
 from hal.vehicle.deadman import Deadman
 
+_CLOSING_S = 30.0
+"""What bringing a vehicle down takes beside the landing itself: requests, and their answers."""
+
 
 class Recorder(Protocol):
     """What writes the flight log; never blocks."""
@@ -85,6 +88,7 @@ class Flight:
         self._streaming = False
         """The link repeats a setpoint of this flight."""
         self._told_too_late = False
+        self._ended_s: float | None = None
         self.tally = Tally()
         self.custody = Custody()
         """Which modes of the vehicle are this flight's doing, during it and after."""
@@ -96,6 +100,13 @@ class Flight:
         """Newest beams, map and frame, for those who show the flight; read only."""
         return self._guarded.pilot.sensing
 
+    def is_closing(self, now_s: float) -> bool:
+        """True while what follows the control loop runs: no tick comes any more, and the process is
+        not to be killed for that before the vehicle is down. It has a bounded time for it.
+        """
+        bound_s = self._config.mission.land_timeout_s + _CLOSING_S
+        return self._ended_s is not None and now_s - self._ended_s <= bound_s
+
     def command(self, command: OperatorCommand) -> None:
         """Queue an operator's command for the next tick; call from the loop's thread."""
         self._commands.append(command)
@@ -106,7 +117,10 @@ class Flight:
         try:
             async with asyncio.TaskGroup() as group:
                 server = group.create_task(self._serve_requests())
-                outcome = await self._control_loop(server)
+                try:
+                    outcome = await self._control_loop(server)
+                finally:
+                    self._ended_s = self._clock.now_s()
                 server.cancel()
             if outcome.ending is Ending.TAKEN_OVER:
                 self.custody.let_go()

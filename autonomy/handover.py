@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import msgspec
 
-from autonomy.errors import BadInput
+from autonomy.errors import AutonomyError, BadInput
 from autonomy.progress import Progress
 from autonomy.report import FlightReport, FlyOptions
 from autonomy.service.client import Client
@@ -23,7 +23,7 @@ def hand_over(options: FlyOptions, holder: Holder, progress: Progress) -> Flight
     """Let `holder` fly the mission; returns the report when it is over.
 
     The first Ctrl-C (or another of `termination_signals`) stops the mission, the second lands it,
-    as if it were flown here.
+    as if it were flown here; one that the service did not take is asked again by the next.
     Raises BadInput when the service refuses it, NoService when the service ends before the mission.
     """
     if holder.api is None:
@@ -72,17 +72,19 @@ def report_of(record: MissionRecord) -> FlightReport:
 @contextlib.contextmanager
 def _interrupts(client: Client, progress: Progress) -> Iterator[None]:
     """Signals become the service's orders; the mission is not left alone by a closed terminal."""
-    asked = 0
+    delivered = 0
 
     def stop(*_: object) -> None:
-        nonlocal asked
-        asked += 1
-        name = "stop" if asked == 1 else "land"
+        nonlocal delivered
+        name = "stop" if delivered == 0 else "land"
         progress.note(f"asking the service to {name}")
         try:
             client.command(name)
-        except BadInput as error:
-            progress.note(str(error))
+        except AutonomyError as error:
+            # Raised out of a signal handler it would end this program, and the order with it.
+            progress.note(f"{name} was not delivered ({error}); press Ctrl-C to try again")
+        else:
+            delivered += 1
 
     before = {number: signal.signal(number, stop) for number in termination_signals()}
     try:

@@ -278,9 +278,12 @@ class Service:
         self._left_in_air: Custody | None = None
         """The last mission's vehicle while it flies on as the mission left it; None when it landed
         or somebody else chose its mode."""
+        self._proved_ours = False
+        """A log proves that the vehicle in the air is this service's: it obeys an operator's order
+        also where Hold may be a pilot's."""
         self._ready_told = False
         self._restart_seen_to = False
-        """A vehicle that was in the air when the service began was looked at."""
+        """What becomes of a vehicle found in the air at the start is decided, and done."""
 
     async def run(self) -> None:
         """Serve until `stop` is called or a signal arrives."""
@@ -405,10 +408,10 @@ class Service:
         on_ground = status.landed is LandedState.ON_GROUND or not status.armed
         self._follow_frame(position, on_ground=on_ground)
         left = self._left_in_air
-        if (status.landed is LandedState.ON_GROUND and not status.armed) or (
-            left is not None and not left.holds(status.mode)
-        ):
+        down = status.landed is LandedState.ON_GROUND and not status.armed
+        if down or (left is not None and not left.holds(status.mode)):
             self._left_in_air = None
+        self._proved_ours = self._proved_ours and not down
         self._station.at_rest(
             Instant(
                 now_s=self._drivers.clock.now_s(),
@@ -441,33 +444,49 @@ class Service:
 
         A vehicle that somebody else flies is not this service's to stop.
         """
-        left = self._left_in_air
-        if left is None or not left.holds(connected.vehicle.status().mode):
+        left = self._ordered(connected.vehicle.status().mode)
+        if left is None:
             self._station.tell("refused", f"{command.value}: nothing is flown by this service")
             return
         if command is OperatorCommand.RESUME:
             self._station.tell("refused", "resume: the mission is over; begin a new one")
             return
+        self._left_in_air = left
         kind = RequestKind.LAND if command is OperatorCommand.LAND else RequestKind.HOLD
         left.asked(kind)
         reply = await connected.vehicle.execute(Request(kind))
         said = "accepted" if reply.accepted else reply.reason
         self._station.tell(command.value, f"{kind.value} in Hold: {said}")
 
+    def _ordered(self, mode: FlightMode) -> Custody | None:
+        """The custody by which an order is obeyed; None where it is not this service's to obey."""
+        left = self._left_in_air
+        if left is not None and left.holds(mode):
+            return left
+        if self._proved_ours and mode in in_flight.OBEYED_IN:
+            left = Custody()
+            left.adopt(RequestKind.HOLD)
+            return left
+        return None
+
     # ------------------------------------------------------------ killed in flight, begun anew
 
     async def _after_restart(self, connected: Connected) -> None:
         """A vehicle that this service's last life left in the air: once, do what is configured.
 
-        What PX4's failsafe has not put into Hold is somebody's, and left alone.
+        What neither PX4's failsafe nor that life's deadman has put into Hold is somebody's, and
+        left alone. One that falls silent meanwhile (ConnectionFailed) is seen to when it is back.
         """
         if self._restart_seen_to:
             return
-        self._restart_seen_to = True
         await self._settled(connected)
+        if in_flight.is_in_the_air(connected.vehicle.status()):
+            await self._in_the_air(connected)
+        self._restart_seen_to = True
+
+    async def _in_the_air(self, connected: Connected) -> None:
+        """Find out whose the vehicle is, and do what is configured with one's own."""
         vehicle = connected.vehicle
-        if not in_flight.is_in_the_air(vehicle.status()):
-            return
         self._enter(Phase.WAITING, "the vehicle is in the air: reading the last flight's log")
         folder = Path(self._config.log.directory)
         flight, unread = await asyncio.to_thread(in_flight.read_last_flight, folder)
@@ -478,11 +497,21 @@ class Service:
             connected.facts,
             vehicle.status(),
             vehicle.local_position(),
+            self._config,
+            self._world(),
         )
         why = unread or in_flight.why_not_ours(flight, found)
-        why = why or in_flight.why_not_failsafe(found.status)
-        if why is not None or flight is None:
+        if flight is None or why:
             self._station.tell("in_flight", f"the vehicle is in the air and left alone: {why}")
+            return
+        self._proved_ours = True
+        why = in_flight.why_not_held_for_us(flight, found)
+        if why is not None:
+            self._station.tell(
+                "in_flight",
+                f"the vehicle is in the air and left alone: {why}; it was flown by this service, "
+                "which lands it when ordered",
+            )
             return
         await self._take_back(flight, found, connected)
 
@@ -510,10 +539,8 @@ class Service:
         left.adopt(RequestKind.HOLD)
         self._left_in_air = left
         if choice == "land":
-            left.asked(RequestKind.LAND)
-            reply = await connected.vehicle.execute(Request(RequestKind.LAND))
-            said = "landing" if reply.accepted else f"it refuses to land: {reply.reason}"
-            self._station.tell("in_flight", f"this service was interrupted in flight; {said}")
+            self._station.tell("in_flight", "this service was interrupted in flight; landing")
+            await self._landed(left, connected)
             return
         why = in_flight.why_not_resumed(flight, found) if choice == "resume" else None
         resumed = flight.resumed
@@ -526,7 +553,40 @@ class Service:
             )
             return
         self._station.tell("in_flight", "this service was interrupted in flight; going on")
+        self._restart_seen_to = True  # whatever becomes of it: a mission goes on once
         await self._fly_on(flight, resumed, connected)
+
+    async def _landed(self, left: Custody, connected: Connected) -> None:
+        """Ask for landing until the vehicle is down or somebody else's; looks at it meanwhile."""
+        vehicle, silent_s = connected.vehicle, 2.0 * self._config.vehicle.link_timeout_s
+        while True:
+            async with asyncio.TaskGroup() as group:
+                landing = group.create_task(bring_down(vehicle, self._config, left))
+                gone = await self._looked_while(landing, connected)
+                landing.cancel()
+            if gone is not None:
+                raise gone
+            if vehicle.status().link_age_s <= silent_s:
+                return
+
+    async def _looked_while(
+        self, task: asyncio.Task[None], connected: Connected
+    ) -> ConnectionFailed | None:
+        """Look at the vehicle until `task` ends; its silence is returned, for a task group wraps
+        what is raised.
+        """
+        while not task.done():
+            try:
+                self._look(connected)
+            except ConnectionFailed as error:
+                return error
+            await asyncio.sleep(1.0 / self._config.control.rate_hz)
+        return None
+
+    def _world(self) -> str:
+        """The scenario that flight logs name; empty for a real flight."""
+        virtual = self._config.beams.virtual()
+        return virtual.scenario if virtual is not None else self._desk.scenario or ""
 
     async def _fly_on(
         self, flight: in_flight.Interrupted, resumed: Resumed, connected: Connected
@@ -611,7 +671,9 @@ class Service:
     ) -> FlightReport:
         """From preflight, or from where it was interrupted, to landing."""
         vehicle, clock = connected.vehicle, self._drivers.clock
-        deadman = Deadman(mission.config.deadman, vehicle.stop_now, vehicle.hold_now, clock)
+        deadman = Deadman(
+            mission.config.deadman, vehicle.stop_now, vehicle.hold_now, clock, _marks(recorder)
+        )
         watch = FlightWatch(self._station, self._metrics, self._notifier, recorder)
         flight = Flight(
             mission.config,
@@ -685,10 +747,15 @@ class Service:
         self._notifier.status(why)
 
     async def _beat(self) -> None:
-        """Signs of life while nothing is flown; in flight only the control loop gives them."""
+        """Signs of life while nothing is flown; in flight only the control loop gives them.
+
+        A loop that ended gives none, and the vehicle is brought down then: killed between Hold and
+        Land it would stay in the air.
+        """
         while True:
-            if self._flight is None:
-                self._notifier.alive(self._drivers.clock.now_s())
+            flight, now_s = self._flight, self._drivers.clock.now_s()
+            if flight is None or flight.is_closing(now_s):
+                self._notifier.alive(now_s)
             await asyncio.sleep(0.25)
 
     async def _pause(self, seconds: float) -> None:
@@ -709,6 +776,14 @@ class Service:
         finally:
             for number in numbers:
                 loop.remove_signal_handler(number)
+
+
+def _marks(recorder: FlightRecorder | None) -> Callable[[float], None] | None:
+    """What the deadman leaves beside the flight's log; nothing for a flight without one."""
+    if recorder is None:
+        return None
+    log, boot = recorder.path, host_boot()
+    return lambda now_s: in_flight.leave_mark(log, in_flight.HoldMark(now_s, boot))
 
 
 async def _answer(vehicle: registry.LinkedVehicle) -> VehicleFacts | HalError:

@@ -113,13 +113,15 @@ class LocalPosition(msgspec.Struct, frozen=True):
     """The autopilot's own estimate of position and velocity in its local NED frame.
 
     `reset_counter` changes when the estimator jumped (EKF reset): everything that was placed in
-    the frame before has moved with respect to it.
+    the frame before has moved with respect to it. Where `resets_told` is False nobody tells it, and
+    jumps go unseen.
     """
 
     stamp_s: float
     position_ned_m: Vector3
     velocity_ned_m_s: Vector3
     reset_counter: int = 0
+    resets_told: bool = True
 
     def __post_init__(self) -> None:
         (n, e, d), (vn, ve, vd) = self.position_ned_m, self.velocity_ned_m_s

@@ -80,7 +80,9 @@ class Deadman:
     is not in Offboard (it was granted, or a pilot took it). It is called again every 1.5 s after it
     asked, and at every poll after it did not, until fed or released: an answer may be lost, and a
     vehicle may come back to Offboard while nobody flies it.
-    A new `feed()` starts over. Both callables run on the deadman's thread and must not wait for
+    `on_handed_over(now_s)`, when given, is called once a silence, after Hold was first asked for,
+    so that it is known when this process is killed.
+    A new `feed()` starts over. The callables run on the deadman's thread and must not wait for
     the event loop; one that raises is logged and does not end the watch (`on_dead` is called
     again at the next poll then).
 
@@ -95,11 +97,13 @@ class Deadman:
         on_silent: Callable[[], None],
         on_dead: Callable[[], bool],
         clock: Clock,
+        on_handed_over: Callable[[float], None] | None = None,
     ) -> None:
         self._rule = DeadmanRule(config)
         self._period_s = min(_LONGEST_PERIOD_S, config.timeout_s / 5.0)
         self._on_silent = on_silent
         self._on_dead = on_dead
+        self._on_handed_over = on_handed_over
         self._clock = clock
         self._lock = threading.Lock()
         self._closing = threading.Event()
@@ -170,8 +174,11 @@ class Deadman:
         if not self._try(self._on_dead):
             return
         _LOG.error("the control loop stays silent: the vehicle was told to hold (PX4's Hold)")
-        self.handovers += self._asked_s is None
-        self._asked_s = now_s
+        first, self._asked_s = self._asked_s is None, now_s
+        self.handovers += first
+        tell = self._on_handed_over
+        if first and tell is not None:
+            self._try(lambda: tell(now_s))
 
     @staticmethod
     def _try(action: Callable[[], bool | None]) -> bool:

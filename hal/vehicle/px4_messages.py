@@ -144,7 +144,11 @@ class LocalPositionNed(msgspec.Struct, frozen=True):
     def reading(self, stamp_s: float, reset_counter: int) -> LocalPosition:
         """As a reading; raises ReadingRefused when it is none."""
         return LocalPosition(
-            stamp_s, (self.x, self.y, self.z), (self.vx, self.vy, self.vz), reset_counter
+            stamp_s,
+            (self.x, self.y, self.z),
+            (self.vx, self.vy, self.vz),
+            reset_counter,
+            resets_told=False,
         )
 
 

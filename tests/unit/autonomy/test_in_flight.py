@@ -13,8 +13,13 @@ from autonomy.flightlog.reader import FlightLog
 from autonomy.flightlog.recorder import host_boot
 from autonomy.in_flight import (
     Found,
+    HoldMark,
+    changed_section,
     last_flight,
-    why_not_failsafe,
+    leave_mark,
+    mark_path,
+    read_mark,
+    why_not_held_for_us,
     why_not_ours,
     why_not_resumed,
 )
@@ -24,9 +29,12 @@ from autonomy.service.contract import MissionOrder, MissionStatus, Phase
 from autonomy.service.metrics import Metrics
 from autonomy.service.station import Station
 from autonomy.service.systemd import Notifier
-from autonomy.serving import Desk, Service
+from autonomy.serving import Desk, Service, shifted
 from autonomy.simulation import with_scenario
+from hal.config import Fence
+from hal.frames import Vector3
 from hal.readings import FlightMode, LandedState
+from hal.setpoints import Reply, Request, RequestKind
 from hal.sim.px4 import Mode
 from hal.sim.scenario import load_scenario
 from tests.support.simulated_drivers import Rig
@@ -83,14 +91,15 @@ class Deaf:
         raise asyncio.CancelledError
 
 
-async def interrupted(folder: Path) -> Rig:
-    """A vehicle in the air whose service died in cruise; PX4's failsafe has had its time."""
-    life = Life(None, folder)
+async def dies_in_cruise(life: Life, after_s: float = 4.0) -> None:
+    """Ends a service that flies a mission, a new one or one that goes on, as SIGKILL does."""
     vehicle = life.rig.vehicle
+    new = life.config.service.on_restart_in_flight != "resume"
     async with asyncio.TaskGroup() as group:
         running = group.create_task(life.service.run())
-        await life.ready()
-        life.station.submit(MissionOrder(goals=([*GOAL],)))
+        if new:
+            await life.ready()
+            life.station.submit(MissionOrder(goals=([*GOAL],)))
 
         def cruises() -> bool:
             instant = life.station.instant
@@ -105,7 +114,21 @@ async def interrupted(folder: Path) -> Rig:
         running.cancel()
     for name in LINK:
         delattr(vehicle, name)
-    vehicle.advance(4.0)
+    vehicle.advance(after_s)
+
+
+async def interrupted(
+    folder: Path, home_ned_m: Vector3 = (0.0, 0.0, 0.0), after_s: float = 4.0
+) -> Rig:
+    """A vehicle in the air whose service died in cruise; PX4's failsafe has had its time.
+
+    It was armed at `home_ned_m` of PX4's frame.
+    """
+    life = Life(None, folder)
+    vehicle = life.rig.vehicle
+    if home_ned_m != (0.0, 0.0, 0.0):
+        vehicle.jump_estimate(home_ned_m)
+    await dies_in_cruise(life, after_s)
     return life.rig
 
 
@@ -194,23 +217,41 @@ async def test_without_a_log_the_vehicle_in_the_air_is_somebody_s(tmp_path: Path
     assert life.mode is FlightMode.HOLD
 
 
+def found_with(rig: Rig, folder: Path) -> Found:
+    vehicle = rig.vehicle
+    config = Life(rig, folder).config
+    return Found(
+        rig.clock.now_s(),
+        host_boot(),
+        vehicle.facts(),
+        vehicle.status(),
+        vehicle.local_position(),
+        config,
+    )
+
+
 async def test_what_does_not_agree_takes_nothing_over(tmp_path: Path) -> None:
     rig = await interrupted(tmp_path)
     flight = last_flight(tmp_path)
     assert flight is not None
     assert flight.resumed is not None
-    facts, status = rig.vehicle.facts(), rig.vehicle.status()
-    found = Found(rig.clock.now_s(), host_boot(), facts, status, rig.vehicle.local_position())
+    found = found_with(rig, tmp_path)
+    facts, status = found.facts, found.status
     assert why_not_ours(flight, found) is None
-    assert why_not_failsafe(found.status) is None
+    assert why_not_held_for_us(flight, found) is None
     assert why_not_resumed(flight, found) is None
     replace = msgspec.structs.replace
+    link = found.config.vehicle.model_copy(update={"connection": "udpin://0.0.0.0:15699"})
+    elsewhere = found.config.model_copy(update={"vehicle": link})
     for other, word in (
         (replace(found, host_boot="another"), "computer was started anew"),
         (replace(found, now_s=found.now_s + 121.0), "s ago"),
         (replace(found, facts=replace(facts, system_id=2)), "another vehicle"),
         (replace(found, facts=replace(facts, booted_s=None)), "does not tell"),
         (replace(found, facts=replace(facts, booted_s=found.now_s)), "autopilot was started"),
+        (replace(found, facts=replace(facts, booted_s=-1.2)), "1 s apart"),
+        (replace(found, config=elsewhere), "the last flight was on"),
+        (replace(found, scenario="maze"), "another world"),
     ):
         assert word in str(why_not_ours(flight, other))
     assert found.position is not None
@@ -218,9 +259,164 @@ async def test_what_does_not_agree_takes_nothing_over(tmp_path: Path) -> None:
     moved = replace(found.position, position_ned_m=(n + 1.2, e, d))
     assert "m from where" in str(why_not_resumed(flight, replace(found, position=moved)))
     assert why_not_resumed(flight, replace(found, position=None)) == "there is no position"
-    assert "into Hold" in str(why_not_failsafe(replace(status, in_failsafe=False)))
+    untold = replace(found.position, resets_told=False)
+    assert "does not tell resets" in str(why_not_resumed(flight, replace(found, position=untold)))
+    assert "gone on once already" in str(why_not_resumed(replace(flight, again=True), found))
+    chosen = replace(found, status=replace(status, in_failsafe=False))
+    assert "into Hold" in str(why_not_held_for_us(flight, chosen))
+    died_s = flight.last.inputs.now_s
+    held = replace(flight, held_s=died_s + 1.25)
+    assert why_not_held_for_us(held, chosen) is None
+    assert "m from where" in str(why_not_held_for_us(held, replace(chosen, position=moved)))
+    for at_s in (died_s - 1.0, found.now_s + 1.0):
+        assert "into Hold" in str(why_not_held_for_us(replace(flight, held_s=at_s), chosen))
+    assert "stood still" in str(why_not_resumed(held, found))
+    flying = replace(chosen, status=replace(chosen.status, mode=FlightMode.MANUAL))
+    assert "manual" in str(why_not_held_for_us(held, flying))
     returning = replace(flight.last.command.decision, state=MissionState.RETURN)
     last = replace(flight.last, command=replace(flight.last.command, decision=returning))
     assert "return" in str(why_not_resumed(replace(flight, last=last), found))
     unproved = replace(flight, resumed=None, why_not_proved="ticks are missing")
     assert why_not_resumed(unproved, found) == "ticks are missing"
+
+
+async def test_a_mission_goes_on_only_by_the_limits_it_began_with(tmp_path: Path) -> None:
+    rig = await interrupted(tmp_path)
+    flight, found = last_flight(tmp_path), found_with(rig, tmp_path)
+    assert flight is not None
+    config = found.config
+    for section, key, value in (
+        ("guard", "speed_max_m_s", 0.2),
+        ("body", "radius_m", 0.16),
+        ("failsafe", "battery_warn", 0.3),
+        ("beams", "stale_after_s", 0.2),
+    ):
+        changed = getattr(config, section)
+        changed = changed.model_copy(update={key: value})
+        other = config.model_copy(update={section: changed})
+        said = why_not_resumed(flight, msgspec.structs.replace(found, config=other))
+        assert said == f"it was flown with another configuration ({section})"
+    narrow = config.guard.model_copy(update={"fence": Fence.rectangle((-1.0, 3.0), (-1.0, 3.0))})
+    assert changed_section(config, config.model_copy(update={"guard": narrow})) == "guard.fence"
+
+
+def test_the_fence_of_a_later_mission_is_the_same_fence_elsewhere(tmp_path: Path) -> None:
+    life = Life(None, tmp_path)
+    mission = Desk(life.config, None).mission(MissionOrder(goals=([1.0, 0.0],)), (0.0, 0.0), 0.0)
+    assert changed_section(shifted(mission, (0.3, -0.7)).config, life.config) is None
+
+
+@pytest.mark.parametrize("choice", ["resume", "land"])
+async def test_the_goal_of_a_home_far_from_the_autopilot_s_origin_is_reached(
+    tmp_path: Path, choice: str
+) -> None:
+    rig = await interrupted(tmp_path, home_ned_m=(5.0, -3.0, 0.9))
+
+    def over(life: Life) -> bool:
+        missions = life.station.missions()
+        return life.down and (choice == "land" or missions[0].status is MissionStatus.DONE)
+
+    life = await begun_anew(rig, tmp_path, choice, over, "in flight")
+    if choice == "resume":
+        (record,) = life.station.missions()
+        assert record.ending == "goal_reached", record.why
+        north, east, _ = rig.vehicle.truth().position_ned_m
+        assert math.hypot(north - GOAL[0], east - GOAL[1]) < 0.3
+        downs = [
+            tick.command.decision.fused.position_ned_m[2]
+            for tick in FlightLog.open(newest_log(tmp_path))
+            if tick.command.decision.fused is not None
+            and tick.command.decision.state is MissionState.CRUISE
+        ]
+        assert max(abs(down + life.config.mission.altitude_m) for down in downs) < 0.2
+
+
+async def held_by_the_deadman(folder: Path) -> Rig:
+    """A vehicle whose program hung, was stopped by its deadman, and then killed by a watchdog."""
+    rig = await interrupted(folder, after_s=0.3)
+    assert rig.vehicle.hold_now()
+    leave_mark(newest_log(folder), HoldMark(rig.clock.now_s(), host_boot()))
+    rig.vehicle.advance(2.0)
+    for _ in range(400):
+        if read_mark(newest_log(folder)) is not None:
+            break
+        await asyncio.sleep(0.01)
+    status = rig.vehicle.status()
+    assert status.mode is FlightMode.HOLD
+    assert not status.in_failsafe
+    return rig
+
+
+async def test_what_the_deadman_put_into_hold_is_landed_as_configured(tmp_path: Path) -> None:
+    rig = await held_by_the_deadman(tmp_path)
+    await begun_anew(rig, tmp_path, "land", lambda life: life.down, "in flight; landing")
+
+
+async def test_a_hold_of_nobody_knows_whom_is_left_alone_until_an_operator_says_land(
+    tmp_path: Path,
+) -> None:
+    rig = await held_by_the_deadman(tmp_path)
+    mark_path(newest_log(tmp_path)).write_text("torn")
+    ordered = False
+
+    def lands(life: Life) -> bool:
+        nonlocal ordered
+        if is_ready(life) and not ordered:
+            assert life.mode is FlightMode.HOLD
+            life.station.command(OperatorCommand.LAND)
+            ordered = True
+        return ordered and life.down
+
+    await begun_anew(rig, tmp_path, "land", lands, "a pilot or another program put it into Hold")
+
+
+async def test_a_landing_that_is_refused_is_asked_for_again(tmp_path: Path) -> None:
+    rig = await interrupted(tmp_path)
+    execute_now, lands = rig.vehicle.execute_now, 0
+
+    def refusing(request: Request) -> Reply:
+        nonlocal lands
+        lands += request.kind is RequestKind.LAND
+        if request.kind is RequestKind.LAND and lands == 1:
+            return Reply(rig.clock.now_s(), request.kind, accepted=False, reason="planted")
+        return execute_now(request)
+
+    rig.vehicle.execute_now = refusing  # type: ignore[method-assign]  # a spy
+    await begun_anew(rig, tmp_path, "land", lambda life: life.down, "in flight; landing")
+    assert lands == 2
+
+
+async def test_a_vehicle_that_falls_silent_while_its_log_is_read_is_landed_when_it_is_back(
+    tmp_path: Path,
+) -> None:
+    rig = await interrupted(tmp_path)
+
+    def silent() -> None:
+        rig.at_tick = None
+        rig.vehicle.cut_link()
+        rig.vehicle.advance(5.0)
+
+    rig.at_tick = silent
+
+    def lands(life: Life) -> bool:
+        if "fell silent" in life.station.why:
+            rig.vehicle.restore_link()
+        return life.down
+
+    await begun_anew(rig, tmp_path, "land", lands, "in flight; landing")
+
+
+async def test_a_mission_that_was_interrupted_twice_does_not_go_on(tmp_path: Path) -> None:
+    rig = await interrupted(tmp_path)
+    await dies_in_cruise(Life(rig, tmp_path, "resume"))
+    said = "gone on once already"
+    life = await begun_anew(rig, tmp_path, "resume", is_ready, said)
+    assert not life.station.missions()
+
+
+async def test_a_life_that_ended_before_its_first_tick_counts_as_one(tmp_path: Path) -> None:
+    await interrupted(tmp_path)
+    (tmp_path / "later.mcap").touch()
+    flight = last_flight(tmp_path)
+    assert flight is not None
+    assert flight.again

@@ -365,6 +365,50 @@ async def test_a_defect_ends_one_flight_not_the_service(tmp_path: Path) -> None:
         stage.service.stop()
 
 
+class Heard(Notifier):
+    """Keeps when signs of life were given, and how long there were none."""
+
+    def __init__(self) -> None:
+        super().__init__({})
+        self.newest_s = 0.0
+        self.longest_s = 0.0
+
+    def alive(self, now_s: float) -> None:
+        self.longest_s = max(self.longest_s, now_s - self.newest_s)
+        self.newest_s = now_s
+
+
+async def test_the_watchdog_is_fed_while_a_vehicle_is_brought_down_after_a_defect(
+    tmp_path: Path,
+) -> None:
+    stage, heard = Stage(tmp_path), Heard()
+    stage.service._notifier = heard
+    vehicle, clock = stage.rig.vehicle, stage.rig.clock
+    broken_s = 0.0
+
+    def break_down() -> None:
+        nonlocal broken_s
+        drawn = stage.station.drawn
+        if drawn is not None and len(drawn.track) == 12 and stage.station.phase is Phase.FLYING:
+            stage.rig.at_tick = None
+            broken_s, heard.longest_s = clock.now_s(), 0.0
+            raise ZeroDivisionError("planted")
+
+    stage.rig.at_tick = break_down
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        record = stage.station.submit(MissionOrder(goals=([2.0, 0.0],)))
+        await stage.until_true(lambda: broken_s > 0.0)
+        while not stage.record(record.id).over:
+            await asyncio.sleep(0.02)
+            vehicle.advance(0.05)
+        assert clock.now_s() - broken_s > 5.0
+        assert heard.longest_s < 2.0
+        assert vehicle.status().landed is LandedState.ON_GROUND
+        stage.service.stop()
+
+
 def test_shifting_moves_the_fence_against_the_offset() -> None:
     stage_config = Config()
     desk = Desk(stage_config, None)

@@ -194,3 +194,24 @@ def test_the_thread_stops_a_silent_vehicle_and_ends_with_the_context() -> None:
         assert stopped.wait(5.0)
     watch.close()
     assert "deadman" not in {thread.name for thread in threading.enumerate()}
+
+
+def test_a_hand_over_is_told_once_and_what_fails_there_stops_nothing(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    clock, calls, told = SimClock(), Calls(granted=3), list[float]()
+
+    def tell(now_s: float) -> None:
+        told.append(now_s)
+        raise OSError("planted")
+
+    watch = Deadman(CONFIG, calls.stop, calls.hold, clock, tell)
+    watch.feed()
+    state = Watch.FED
+    for _ in range(120):
+        clock.advance(0.05)
+        state = watch.step(state)
+    assert calls.holds == 3
+    assert len(told) == 1
+    assert told[0] == pytest.approx(1.3, abs=0.1)
+    assert "it will be tried again" in caplog.text
