@@ -128,6 +128,8 @@ class MoversConfig(Section):
     """Beyond body and mover: nearer than this nothing may be predicted to come."""
     horizon_s: Positive = 4.0
     """How far ahead it is predicted."""
+    plan_ahead_s: NonNegative = 4.0
+    """Plans keep clear of where movers will be within this; 0: of where they are only."""
 
 
 class StoreysConfig(Section):

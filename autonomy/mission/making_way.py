@@ -45,6 +45,37 @@ CALM_M = 0.05
 """Making way ends when the planned motion keeps this much more than it must."""
 
 
+PREDICT_EVERY_S = 1.0
+RING_POINTS = 12
+OWN_ROOM_M = 0.35
+"""Round the vehicle itself nothing is predicted to stand: a plan could not begin."""
+
+
+def predicted_hits(
+    movers: tuple[MovingObstacle, ...], point: Point, speed_m_s: float, horizon_s: float
+) -> FloatArray:
+    """(n, 2) points on the edges of where movers will be in the next `horizon_s`.
+
+    Only of what moves for sure, and only where a vehicle that leaves `point` now at `speed_m_s`
+    could meet it then.
+    """
+    angles = np.linspace(0.0, 2.0 * math.pi, RING_POINTS, endpoint=False)
+    circle = np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    rings = [np.zeros((0, 2))]
+    for mover in movers:
+        if not mover.moving:
+            continue
+        for time_s in np.arange(PREDICT_EVERY_S, horizon_s + 1e-9, PREDICT_EVERY_S).tolist():
+            (n, e), (vn, ve) = mover.point, mover.velocity_ne_m_s
+            centre = (n + vn * time_s, e + ve * time_s)
+            if math.dist(centre, point) - mover.radius_m > speed_m_s * time_s + OWN_ROOM_M:
+                continue
+            ring = np.array(centre) + mover.radius_m * circle
+            apart = np.hypot(ring[:, 0] - point[0], ring[:, 1] - point[1])
+            rings.append(ring[apart > OWN_ROOM_M])
+    return np.concatenate(rings)
+
+
 class Evasion(msgspec.Struct, frozen=True):
     """What to do instead of the plan: a velocity (0, 0: stay), and a sentence when it is news."""
 

@@ -21,6 +21,7 @@ Algorithm 2's steps, and where they are:
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from autonomy.config import Config
 from autonomy.geometry import Point, distance
@@ -29,6 +30,7 @@ from autonomy.mission.course import Course
 from autonomy.mission.failsafe import Fault, Response, response_to
 from autonomy.mission.heights import Heights
 from autonomy.mission.ladder import Ladder, Rung
+from autonomy.mission.making_way import predicted_hits
 from autonomy.mission.sensing import Sensing
 from autonomy.mission.sequence import Move
 from autonomy.mission.steering import Steering
@@ -199,7 +201,21 @@ class Navigation:
         if self._heights.proving:
             return self._heights.prove(tick, goal, tolerance_m)
         hits, course = np.array(self._heights.hits()), self._course.path.remaining()
-        return self._commitment.plan(tick.fused.point, goal, hits, tolerance_m, course)
+        point = tick.fused.point
+        coming = self._predicted_hits(tick)
+        if coming.shape[0] > 0:
+            joined = np.concatenate((hits.reshape(-1, 2), coming))
+            clear = self._commitment.plan(point, goal, joined, tolerance_m, course)
+            if isinstance(clear, Plan):
+                return clear
+        # What moves will have moved on: a way that only it closes is no reason to give up.
+        return self._commitment.plan(point, goal, hits, tolerance_m, course)
+
+    def _predicted_hits(self, tick: Tick) -> NDArray[np.float64]:
+        """Where what moves will be, as far as it concerns a plan."""
+        config, point = self._config, tick.fused.point
+        speed_m_s, horizon_s = config.guidance.speed_max_m_s, config.movers.plan_ahead_s
+        return predicted_hits(tick.movers, point, speed_m_s, horizon_s)
 
     def _decided(self, tick: Tick, found: Way | NoPlan | None) -> Move | None:
         """What the search came to; None while it goes on."""

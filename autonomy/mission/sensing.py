@@ -25,6 +25,8 @@ from hal.readings import RangeReading, RangeStatus
 
 _UPWARDS_DEG = 60.0
 _THIN_DEG = 3.0
+NEW_S = 8.0
+"""So long after something new was seen it may yet turn out to move."""
 _UNDER_VEHICLE_M = 0.14
 """The vehicle stands there: free, whatever is forgotten."""
 
@@ -43,10 +45,7 @@ class Sensing:
         self._config = config
         self._fusion = Fusion(config.estimation, config.beams)
         self._projector = Projector(config.beams, config.body.half_height_m)
-        # Whoever walks by makes sound beams contradict each other: they were accused in 4 of 6
-        # flights among movers, which then held in the way and were hit.
-        thorough = config.failsafe.doubt_beams and not config.movers.expected
-        self._doubt = Doubt(config.beams, config.body, thorough=thorough)
+        self._doubt = Doubt(config.beams, config.body, thorough=config.failsafe.doubt_beams)
         self.lookout = Lookout(config)
         """Which beams are lost, and how to fly with those that are left."""
         self.maps = StoreyMaps(config.map, config.body.radius_m, config.guard.fence)
@@ -149,7 +148,8 @@ class Sensing:
 
     def _doubt_beams(self, fused: FusedState, inputs: Inputs) -> None:
         """Which beams are believed from the next step on; what a liar showed was never seen."""
-        self._doubt.learn(inputs.now_s, fused, inputs.ranges)
+        unrest = self.movers.unrest(inputs.now_s)
+        self._doubt.learn(inputs.now_s, fused, inputs.ranges, unrest)
         self.lookout.step(inputs.now_s, self._doubt.doubts)
         if self._doubt.disputed:
             self.map.forget_cones(self._doubt.disputed)
@@ -171,7 +171,8 @@ class Sensing:
     def _expect_changes(self, now_s: float) -> None:
         """Old knowledge is doubted while things move."""
         config = self._config.movers
-        moves = config.expected or now_s - self.movers.moved_s <= config.remember_s
+        moved = now_s - self.movers.moved_s <= config.remember_s
+        moves = config.expected or moved or now_s - self.movers.new_s <= NEW_S
         if moves is not self.things_move or self._doubted is not self.map:
             self.things_move, self._doubted = moves, self.map
             self.map.doubt(config if moves else None)

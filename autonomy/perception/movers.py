@@ -82,6 +82,23 @@ MARK_ERASE_M = 0.06
 MARK_NEAR_M = 0.1
 MARKS_KEPT = 160
 
+UNREST_S = 5.0
+"""What two looks say of a place that was left less than this ago may differ."""
+UNREST_EVERY_S = 0.3
+UNREST_SPARE_M = 0.15
+PHANTOMS_MAX = 1
+PHANTOM_S = 20.0
+"""A beam that alone saw more than so many things lately that no other beam saw is not taken at its
+word: only together with another one it sees something move."""
+
+
+class Unrest(msgspec.Struct, frozen=True):
+    """A place where something may be moving; `left`: where it was a moment ago."""
+
+    point: Point
+    radius_m: float
+    left: bool
+
 
 class _Track:
     """One disc: (north, east, velocity north, east, radius) and its covariance."""
@@ -103,6 +120,9 @@ class _Track:
         self.misses = 0
         self.moved = False
         self.stands = False
+        self.beams = {ray.beam}
+        """Those that hit it."""
+        self.noted_s = -math.inf
         self.marks: deque[tuple[float, Point]] = deque([(ray.stamp_s, hit)], maxlen=MARKS_KEPT)
 
     def predict(self, stamp_s: float) -> None:
@@ -138,7 +158,7 @@ class _Track:
         n, e, _, _, r = self.state.tolist()
         return math.hypot(point[0] - n, point[1] - e) - float(r)
 
-    def take(self, hit: Point, stamp_s: float) -> bool:
+    def take(self, hit: Point, stamp_s: float, beam: int) -> bool:
         """A hit on the disc's edge; False when it cannot be."""
         n, e, _, _, r = self.state.tolist()
         away_n, away_e = n - hit[0], e - hit[1]
@@ -150,6 +170,7 @@ class _Track:
             return False
         self.hits += 1
         self.hit_s = stamp_s
+        self.beams.add(beam)
         self.misses = 0
         self.marks.append((stamp_s, hit))
         return True
@@ -207,21 +228,48 @@ class MoverTracker:
         self._tracks: list[_Track] = []
         self._count = 0
         self._first_hit_s: dict[tuple[int, int], float] = {}
+        self._left: deque[tuple[float, Point, float]] = deque(maxlen=96)
+        self._phantoms: deque[tuple[float, int]] = deque(maxlen=16)
         self.moved_s = -math.inf
         """When something was last known to move."""
+        self.new_s = -math.inf
+        """When something was last there, or moved, that was not there before."""
 
     def obstacles(self, now_s: float) -> tuple[MovingObstacle, ...]:
         """What is new and not known to stand, and what moves, where it is at `now_s`."""
         return tuple(
             track.obstacle(now_s)
             for track in self._tracks
-            if track.hits >= CONFIRM_HITS and not track.stands
+            if track.hits >= CONFIRM_HITS and not track.stands and self._is_believed(track, now_s)
         )
+
+    def unrest(self, now_s: float) -> tuple[Unrest, ...]:
+        """Where sound beams may contradict each other: what is new or moves, and where it was."""
+        there = [
+            Unrest(_place(track), float(track.state[4]) + UNREST_SPARE_M, left=False)
+            for track in self._tracks
+            if not track.stands and self._is_believed(track, now_s)
+        ]
+        while self._left and now_s - self._left[0][0] > UNREST_S:
+            self._left.popleft()
+        return (*there, *(Unrest(point, radius_m, left=True) for _, point, radius_m in self._left))
+
+    def _is_believed(self, track: _Track, now_s: float) -> bool:
+        """False for what one beam alone saw that has seen several things lately that nobody else
+        did.
+        """
+        if len(track.beams) > 1:
+            return True
+        seen = sum(
+            beam in track.beams and now_s - stamp_s < PHANTOM_S for stamp_s, beam in self._phantoms
+        )
+        return seen <= PHANTOMS_MAX
 
     def forget(self) -> None:
         """The vehicle is elsewhere (another height): nothing is tracked any more."""
         self._tracks.clear()
         self._first_hit_s.clear()
+        self._left.clear()
 
     def step(self, now_s: float, rays: Sequence[Ray], known: ObstacleMap) -> None:
         """Take in the rays of this tick, before `known` does; takes ghosts off the map."""
@@ -254,7 +302,7 @@ class MoverTracker:
                     gap_m > NEAR_M or self._was_known(hit, OWN_M, ray.stamp_s, known)
                 ):
                     continue
-            if track.take(hit, ray.stamp_s):
+            if track.take(hit, ray.stamp_s, ray.beam):
                 return
         if surprising is None:
             surprising = self._is_surprising(hit, ray.stamp_s, known)
@@ -288,6 +336,14 @@ class MoverTracker:
             if track.hit_s < ray.stamp_s:
                 track.passed(ray)
 
+    def _remember(self, track: _Track, now_s: float) -> None:
+        """Note where it is now and then, and who alone saw what is not there."""
+        if track.misses >= MISSES_MAX and len(track.beams) == 1:
+            self._phantoms.append((now_s, min(track.beams)))
+        if track.moved and len(track.beams) > 1 and now_s - track.noted_s >= UNREST_EVERY_S:
+            track.noted_s = now_s
+            self._left.append((now_s, _place(track), float(track.state[4]) + UNREST_SPARE_M))
+
     def _tidy(self, now_s: float, known: ObstacleMap) -> None:
         """Judge, drop what is lost or double, and take off the map what movers left behind."""
         kept: list[_Track] = []
@@ -295,9 +351,12 @@ class MoverTracker:
             track.judge()
             if track.moved:
                 self.moved_s = now_s
+            if track.hits >= CONFIRM_HITS and not track.stands and self._is_believed(track, now_s):
+                self.new_s = now_s
             lost = now_s - track.hit_s > FORGET_S or track.misses >= MISSES_MAX
+            self._remember(track, now_s)
             lost = lost or (track.hits < CONFIRM_HITS and now_s - track.hit_s > CANDIDATE_S)
-            place = (float(track.state[0]), float(track.state[1]))
+            place = _place(track)
             double = any(math.dist(place, other.state[:2]) < ONE_M for other in kept)
             if not lost and not double:
                 kept.append(track)
@@ -306,6 +365,10 @@ class MoverTracker:
             if track.moved and not lost:
                 _erase(track, known, now_s)
         self._tracks = kept
+
+
+def _place(track: _Track) -> Point:
+    return (float(track.state[0]), float(track.state[1]))
 
 
 def _marked(track: _Track, hit: Point) -> bool:
@@ -323,4 +386,4 @@ def _erase(track: _Track, known: ObstacleMap, now_s: float | None) -> None:
         known.forget_within(mark, MARK_ERASE_M, MARK_ERASE_M)
 
 
-__all__ = ["MoverTracker", "MovingObstacle"]
+__all__ = ["MoverTracker", "MovingObstacle", "Unrest"]

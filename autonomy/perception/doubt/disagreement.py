@@ -20,6 +20,8 @@ _ALL_SHARE = 0.6
 _EMPTY_SHARE, _SAME_SHARE, _RUN = 0.9, 0.6, 12
 EMPTY_S = 0.8
 """So long no beam hits anything: what they contradict each other in is gone for all of them."""
+ONE_WAY = 0.93
+"""Mean length of unit vectors: a thing that fills less than 75 degrees of the view."""
 _VANISHED_MIN, _LOOKED_PAST_MIN = 2.0, 2
 
 Pairs = Sequence[Sequence[Sequence[float]]]

@@ -1,7 +1,7 @@
 """Which beams are believed: detectors in, one word a beam out, and readings marked accordingly."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import msgspec
 
@@ -10,6 +10,7 @@ from autonomy.model import BeamDoubt, BeamWord, FusedState
 from autonomy.perception.doubt import constant, disagreement, kernels, lens, noise, silence
 from autonomy.perception.doubt.evidence import BeamEvidence, Witness
 from autonomy.perception.doubt.suspicion import Suspicion
+from autonomy.perception.movers import Unrest
 from hal.config import BeamMount, BeamsConfig
 from hal.readings import RangeReading, RangeStatus
 
@@ -104,12 +105,22 @@ class Doubt:
 
     # ------------------------------------------------------------ words
 
-    def learn(self, now_s: float, fused: FusedState, ranges: Iterable[RangeReading]) -> None:
-        """Take in a tick's readings as the drivers gave them; `now_s` must not run backwards."""
+    def learn(
+        self,
+        now_s: float,
+        fused: FusedState,
+        ranges: Iterable[RangeReading],
+        moving: Sequence[Unrest] = (),
+    ) -> None:
+        """Take in a tick's readings as the drivers gave them; `now_s` must not run backwards.
+
+        What the beams contradict each other in where something is `moving` accuses none of them.
+        """
         self.lied_since_s = None
         if now_s - self._last_s > _STALL_S:
             self._listening_since_s = now_s
         self._last_s = now_s
+        self._witness.explain(moving)
         self._witness.take(now_s, fused, ranges)
         denied = self._witness.denied if self._thorough else ()
         self.disputed = self._witness.disputed if self._thorough else ()
@@ -236,7 +247,8 @@ class Doubt:
             why = "no beam sees anything, not even the floor that was there"
             self._doubt_all(now_s, trusted, Suspicion(BeamWord.SATURATED, why))
             return
-        if not self._changed_height and disagreement.nothing_any_more(since_hit_s, heard):
+        gone = disagreement.nothing_any_more(since_hit_s, heard)
+        if gone and not self._changed_height and not self._something_left():
             why = "no beam sees anything any more, where all of them saw something"
             self._doubt_all(now_s, trusted, Suspicion(BeamWord.SATURATED, why))
             return
@@ -251,6 +263,10 @@ class Doubt:
         elif disagreement.all_at_odds(pairs, trusted):
             why = "all beams contradict each other"
             self._doubt_all(now_s, trusted, Suspicion(BeamWord.INCONSISTENT, why))
+
+    def _something_left(self) -> bool:
+        """True when all that is gone was in one direction: it may have been one thing."""
+        return self._witness.gone_one_way > disagreement.ONE_WAY
 
     def _no_floor(self, evidence: tuple[BeamEvidence, ...]) -> bool:
         """True while a beam that looks down says that the floor it left is not there."""

@@ -1,13 +1,14 @@
 """What speaks against each beam, as numbers: the typed door to the compiled loops."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import msgspec
 import numpy as np
 
 from autonomy.model import FusedState
 from autonomy.perception.doubt import kernels
+from autonomy.perception.movers import Unrest
 from hal.config import BeamMount, BeamsConfig
 from hal.readings import RangeReading, RangeStatus
 
@@ -22,6 +23,8 @@ _NEVER = (kernels.T_STAMP, kernels.T_MEASURED, kernels.T_REF_STAMP, kernels.T_HI
 _INSIDE_M = 0.03
 """What is this deep inside the body is on the lens, not in the room."""
 _UPWARDS_DEG = 60.0
+DISCS_MAX = 128
+"""Of more places where something moves the last ones are left out."""
 
 
 class BeamEvidence(msgspec.Struct, frozen=True, gc=False):
@@ -96,9 +99,17 @@ class Witness:
         self._clock[kernels.C_TIME] = -math.inf
         self._pose = np.zeros(kernels.POSE_COLUMNS)
         self._readings = np.zeros((4 * count, kernels.READING_COLUMNS))
+        self._moving = np.zeros((DISCS_MAX, kernels.DISC_COLUMNS))
+        self._discs = 0
         self.denied: tuple[int, ...] = ()
         """The beams that looked right through, in the last `take`, what another had just hit."""
         self._out = np.zeros((count, kernels.SUMMARY_COLUMNS))
+
+    def explain(self, moving: Sequence[Unrest]) -> None:
+        """From now on nobody is accused of what happens in these places, until the next call."""
+        self._discs = min(len(moving), DISCS_MAX)
+        for row, one in zip(self._moving, moving, strict=False):
+            row[:] = (*one.point, one.radius_m, float(one.left))
 
     def take(self, now_s: float, fused: FusedState, ranges: Iterable[RangeReading]) -> None:
         """One tick's new readings, with the state of that tick."""
@@ -143,6 +154,7 @@ class Witness:
             self._copies,
             self._gone,
             self._clock,
+            self._moving[: self._discs],
             self._mounts,
             self._readings,
             count,
@@ -175,6 +187,14 @@ class Witness:
         """`pair` of all beams with all beams."""
         table: list[list[list[float]]] = self._pairs.tolist()
         return table
+
+    @property
+    def gone_one_way(self) -> float:
+        """How much of one direction it is that lately was hit and then looked past: 1, all in one;
+        below 0.9, over more than 90 degrees.
+        """
+        north, east, count = self._clock[kernels.C_GONE_N : kernels.C_GONE + 1].tolist()
+        return math.hypot(north, east) / count if count > 0.0 else 1.0
 
     def believe(self, beam: int, *, trusted: bool) -> None:
         """Whether what the beam measures counts as something being there."""

@@ -12,6 +12,7 @@ The state is a handful of float64 arrays, one row a beam:
     copies (beams, beams)        lone spikes that are the other beam's value; fading
     gone (beams, beams)          the other's hits swept past, since the beam last hit; fading
     clock (C_...)                what is common
+    moving (n, D_...)            discs where something moves, or moved a moment ago
 """
 
 # numba compiles by the types of the arguments; the typed door to these loops is evidence.py.
@@ -67,8 +68,9 @@ T_FLOOR = 30  # readings in a row of the floor of the take-off ...
 T_NO_FLOOR = 31  # ... and those after them with nothing in range, though it is in reach
 TRACK_COLUMNS = 32
 
-C_TIME, C_TURNED, C_YAW = range(3)
-CLOCK_COLUMNS = 3
+# C_GONE_...: what was swept past, as a sum of unit vectors, and how much it was; fading
+C_TIME, C_TURNED, C_YAW, C_GONE_N, C_GONE_E, C_GONE = range(6)
+CLOCK_COLUMNS = 6
 
 M_RISE = 0  # 0 horizontal, +1 up, -1 down
 M_DIRECTION = 1  # three columns, FRD
@@ -97,6 +99,9 @@ READING_COLUMNS = 6
     P_OK,
 ) = range(13)
 POSE_COLUMNS = 13
+
+D_NORTH, D_EAST, D_RADIUS, D_LEFT = range(4)  # D_LEFT 1: it is not there any more
+DISC_COLUMNS = 4
 
 S_AGE = 0  # s since it said anything
 S_UNMEASURED = 1  # s since it measured anything
@@ -247,6 +252,28 @@ def _compare(view, north, east, down, from_n, from_e, now):
 
 
 @njit(cache=True)
+def _is_explained(moving, north, east):
+    """True for a place where something moves: seen free and hit there are both right."""
+    for disc in moving:
+        if math.hypot(north - disc[D_NORTH], east - disc[D_EAST]) <= disc[D_RADIUS]:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _looks_past_what_left(moving, ray):
+    """True for a ray that goes through the place that something has just left."""
+    for disc in moving:
+        dn = disc[D_NORTH] - ray[V_NORTH]
+        de = disc[D_EAST] - ray[V_EAST]
+        along = dn * ray[V_COS] + de * ray[V_SIN]
+        across = de * ray[V_COS] - dn * ray[V_SIN]
+        if disc[D_LEFT] != 0.0 and along > 0.0 and abs(across) <= disc[D_RADIUS]:
+            return True
+    return False
+
+
+@njit(cache=True)
 def _book(pairs, a, b, verdict):
     if verdict == 0:
         return
@@ -273,8 +300,8 @@ def _turn(views, gone, clock, pose):
 
 
 @njit(cache=True)
-def _look(views, tracks, mounts, pairs, gone, reading, pose):
-    """Lay one horizontal reading into the plane, and compare it with what the others saw."""
+def _lay(views, mounts, reading, pose):
+    """Lay one horizontal reading into the plane; its sector, -1 for none."""
     beam = int(reading[Q_BEAM])
     status = int(reading[Q_STATUS])
     ahead = min(LATE_S, max(-LATE_S, reading[Q_STAMP] - pose[P_STAMP]))
@@ -296,7 +323,7 @@ def _look(views, tracks, mounts, pairs, gone, reading, pose):
     down = pose[P_DOWN] + pose[P_VD] * ahead + fd
     level = math.hypot(un, ue)
     if level <= 0.0:
-        return
+        return -1
     cos, sin = un / level, ue / level
     leaves = SLAB_M / abs(ud) if ud != 0.0 else math.inf
     ranged = reading[Q_RANGE]
@@ -316,27 +343,51 @@ def _look(views, tracks, mounts, pairs, gone, reading, pose):
     own[V_SIN] = sin
     own[V_RANGE] = ranged * level
     own[V_KIND] = kind
-    if kind == NONE:
+    return -1 if kind == NONE else sector
+
+
+@njit(cache=True)
+def _look(views, tracks, mounts, pairs, gone, clock, moving, reading, pose):
+    """Lay one horizontal reading into the plane, and compare it with what the others saw."""
+    sector = _lay(views, mounts, reading, pose)
+    if sector < 0:
         return
-    now = reading[Q_STAMP]
+    beam = int(reading[Q_BEAM])
+    own = views[beam, sector]
     for other in range(len(mounts)):
         if other != beam and mounts[other, M_RISE] == 0.0 and mounts[other, M_TRUSTED] != 0.0:
             reading[Q_DENIED] += _denied(views[other], own, sector)
-    if kind == HIT:
-        tracks[beam, T_HIT] = now
+    if reading[Q_DENIED] != 0.0 and _looks_past_what_left(moving, own):
+        reading[Q_DENIED] = 0.0
+    rate = pose[P_RATE]
+    if own[V_KIND] == HIT:
+        tracks[beam, T_HIT] = reading[Q_STAMP]
         gone[beam, :] = 0.0
-        hit_n = north + cos * own[V_RANGE]
-        hit_e = east + sin * own[V_RANGE]
-        for other in range(len(mounts)):
-            if other != beam and mounts[other, M_RISE] == 0.0:
-                said = _compare(views[other], hit_n, hit_e, down, north, east, now)
-                _book(pairs, beam, other, said)
-                amid = (sector - (AMID_BINS if pose[P_RATE] > 0.0 else -AMID_BINS)) % BINS
-                if said > 0 or _through(views[beam], views[other, amid], amid, now):
-                    tracks[other, T_DISPUTED] = 1.0
-    if abs(pose[P_RATE]) < 0.1:
+        _meet(views, tracks, mounts, pairs, moving, beam, sector, rate)
+    if abs(rate) < 0.1:
         return
-    _sweep_past(views, tracks, mounts, pairs, gone, beam, sector, down, now, pose[P_RATE])
+    now, down = reading[Q_STAMP], own[V_DOWN]
+    _sweep_past(views, tracks, mounts, pairs, gone, clock, moving, beam, sector, down, now, rate)
+
+
+@njit(cache=True)
+def _meet(views, tracks, mounts, pairs, moving, beam, sector, rate):
+    """What the others' sweeps say of the hit that the beam has in this sector."""
+    own = views[beam, sector]
+    now = own[V_STAMP]
+    hit_n = own[V_NORTH] + own[V_COS] * own[V_RANGE]
+    hit_e = own[V_EAST] + own[V_SIN] * own[V_RANGE]
+    explained = _is_explained(moving, hit_n, hit_e)
+    amid = (sector - (AMID_BINS if rate > 0.0 else -AMID_BINS)) % BINS
+    for other in range(len(mounts)):
+        if other == beam or mounts[other, M_RISE] != 0.0:
+            continue
+        view = views[other]
+        said = _compare(view, hit_n, hit_e, own[V_DOWN], own[V_NORTH], own[V_EAST], now)
+        if said < 0 or not explained:
+            _book(pairs, beam, other, said)
+        if said > 0 or _through(views[beam], view[amid], amid, now):
+            tracks[other, T_DISPUTED] = 1.0
 
 
 @njit(cache=True)
@@ -378,7 +429,7 @@ def _repeated(track, stamp):
 
 
 @njit(cache=True)
-def _sweep_past(views, tracks, mounts, pairs, gone, beam, sector, down, now, rate):
+def _sweep_past(views, tracks, mounts, pairs, gone, clock, moving, beam, sector, down, now, rate):
     """What others hit there before, now that this beam has swept past it."""
     behind = (sector - (BEHIND_BINS if rate > 0.0 else -BEHIND_BINS)) % BINS
     for other in range(len(mounts)):
@@ -392,11 +443,16 @@ def _sweep_past(views, tracks, mounts, pairs, gone, beam, sector, down, now, rat
         hit_n = seen[V_NORTH] + seen[V_COS] * seen[V_RANGE]
         hit_e = seen[V_EAST] + seen[V_SIN] * seen[V_RANGE]
         said = _compare(views[beam], hit_n, hit_e, seen[V_DOWN], seen[V_NORTH], seen[V_EAST], now)
+        if said > 0 and _is_explained(moving, hit_n, hit_e):
+            continue
         _book(pairs, beam, other, said)
         if said <= 0 or mounts[other, M_TRUSTED] == 0.0:
             continue
         if not _repeated(tracks[other], seen[V_STAMP] + mounts[other, M_LATENCY]):
             gone[beam, other] += 1.0
+            clock[C_GONE_N] += seen[V_COS]
+            clock[C_GONE_E] += seen[V_SIN]
+            clock[C_GONE] += 1.0
 
 
 @njit(cache=True)
@@ -568,7 +624,7 @@ def _said(ring, track, stamp, ranged):
 
 
 @njit(cache=True)
-def take(views, rings, tracks, pairs, copies, gone, clock, mounts, readings, count, pose):
+def take(views, rings, tracks, pairs, copies, gone, clock, moving, mounts, readings, count, pose):
     """Take in the first `count` rows of `readings`, oldest first; the pose is the tick's."""
     dt = _turn(views, gone, clock, pose)
     fade = math.exp(-dt / FADE_S)
@@ -579,6 +635,7 @@ def take(views, rings, tracks, pairs, copies, gone, clock, mounts, readings, cou
             pairs[a, b, 1] *= fade
             copies[a, b] *= fade
             gone[a, b] *= gone_fade
+    clock[C_GONE_N : C_GONE + 1] *= gone_fade
     height = -pose[P_DOWN]
     for k in range(count):
         reading = readings[k]
@@ -590,7 +647,7 @@ def take(views, rings, tracks, pairs, copies, gone, clock, mounts, readings, cou
         _remember(rings[beam], tracks[beam], mount, reading, clock, height)
         reading[Q_STAMP] -= mount[M_LATENCY]
         if pose[P_OK] != 0.0 and mount[M_RISE] == 0.0:
-            _look(views, tracks, mounts, pairs, gone, reading, pose)
+            _look(views, tracks, mounts, pairs, gone, clock, moving, reading, pose)
         elif pose[P_OK] != 0.0:
             _follow(tracks[beam], mount, reading, pose)
     for k in range(count):
@@ -708,5 +765,7 @@ def warm_up() -> None:
     mounts = np.zeros((count, MOUNT_COLUMNS))
     readings = np.zeros((4, READING_COLUMNS))
     pose = np.zeros(POSE_COLUMNS)
-    take(views, rings, tracks, pairs, copies, copies.copy(), clock, mounts, readings, 0, pose)
+    moving = np.zeros((0, DISC_COLUMNS))
+    gone = copies.copy()
+    take(views, rings, tracks, pairs, copies, gone, clock, moving, mounts, readings, 0, pose)
     summarize(rings, tracks, copies, copies, clock, 0.0, np.zeros((count, SUMMARY_COLUMNS)))

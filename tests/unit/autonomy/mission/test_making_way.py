@@ -1,11 +1,12 @@
 import math
 
+import msgspec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from autonomy.config import Config
 from autonomy.geometry import Point
-from autonomy.mission.making_way import Evasion, MakingWay
+from autonomy.mission.making_way import Evasion, MakingWay, predicted_hits
 from autonomy.model import FusedState, MovingObstacle
 from autonomy.t3drm.direction import Direction
 from hal.frames import Vector3
@@ -55,6 +56,31 @@ def advise(
 ) -> Evasion | None:
     way = way or MakingWay(CONFIG)
     return way.advise(0.0, state or fused(), planned, movers, space or Open())
+
+
+@given(bearing_rad=st.floats(-3.1, 3.1), away_m=st.floats(0.5, 3.0), speed_m_s=st.floats(0.0, 0.4))
+def test_plans_keep_clear_of_where_it_will_be_and_never_of_the_vehicle_itself(
+    bearing_rad: float, away_m: float, speed_m_s: float
+) -> None:
+    c, s = math.cos(bearing_rad), math.sin(bearing_rad)
+    coming = mover((away_m * c, away_m * s), (-speed_m_s * c, -speed_m_s * s))
+    points = predicted_hits((coming,), (0.0, 0.0), SPEED_M_S, 4.0).tolist()
+    for point in points:
+        assert math.hypot(*point) > 0.35
+        centres_m = [away_m - speed_m_s * t for t in (1.0, 2.0, 3.0, 4.0)]
+        gaps = [abs(math.dist(point, (m * c, m * s)) - 0.2) for m in centres_m]
+        assert min(gaps) < 1e-9
+    if away_m > 0.2 + 0.35 + 4.0 * (speed_m_s + SPEED_M_S):
+        assert points == []
+
+
+def test_only_what_moves_for_sure_and_can_be_met_is_predicted() -> None:
+    near = mover((0.9, 0.0), (0.0, 0.1))
+    assert len(predicted_hits((near,), (0.0, 0.0), SPEED_M_S, 4.0)) > 12
+    new = msgspec.structs.replace(near, moving=False)
+    assert len(predicted_hits((new,), (0.0, 0.0), SPEED_M_S, 4.0)) == 0
+    assert len(predicted_hits((near,), (0.0, 0.0), SPEED_M_S, 0.0)) == 0
+    assert len(predicted_hits((near,), (-3.0, 0.0), SPEED_M_S, 4.0)) == 0
 
 
 def test_what_goes_away_or_is_far_off_is_left_alone() -> None:

@@ -25,6 +25,8 @@ class Stage:
         self.map = ObstacleMap(MapConfig(), 0.15, Fence.rectangle((-3.0, 3.0), (-3.0, 3.0)))
         self.tracker = MoverTracker()
         self.now_s = 0.0
+        self.lies: dict[int, float] = {}
+        """Beams that hit something at one distance everywhere."""
 
     def place(self, number: int) -> Point:
         (n, e), (vn, ve), _ = self.discs[number]
@@ -44,6 +46,8 @@ class Stage:
         bearing = TURN_RAD_S * self.now_s + beam * math.pi / 2.0
         c, s = math.cos(bearing), math.sin(bearing)
         length, kind = REACH_M, RayKind.FREE
+        if beam in self.lies:
+            length, kind = self.lies[beam], RayKind.HIT
         for number, (_, _, radius) in enumerate(self.discs):
             n, e = self.place(number)
             along, across = n * c + e * s, e * c - n * s
@@ -113,6 +117,44 @@ def test_what_left_is_forgotten() -> None:
     assert stage.run(3.0)
     stage.discs = ()
     assert stage.run(FORGET_S + 0.5) == ()
+
+
+def test_where_it_moves_and_where_it_was_are_places_of_unrest() -> None:
+    stage = Stage(((1.3, 0.0), (-0.2, 0.0), 0.2))
+    stage.run(2.0)
+    assert stage.tracker.unrest(stage.now_s) == ()
+    stage.run(3.8)
+    places = stage.tracker.unrest(stage.now_s)
+    (there,) = [one for one in places if not one.left]
+    assert math.dist(there.point, stage.place(0)) < there.radius_m
+    assert any(one.left for one in places)
+    assert all(one.point[0] > stage.place(0)[0] - 0.15 for one in places)
+    assert stage.tracker.unrest(stage.now_s + 20.0)[1:] == ()
+
+
+def test_what_stands_is_no_unrest_after_a_while() -> None:
+    """Put down where it was free: new at first."""
+    stage = Stage()
+    stage.run(2.0)
+    stage.discs = (((0.7, 0.0), (0.0, 0.0), 0.2),)
+    stage.run(2.0)
+    assert stage.tracker.unrest(stage.now_s)
+    assert math.isfinite(stage.tracker.new_s)
+    stage.run(8.0)
+    assert stage.tracker.unrest(stage.now_s) == ()
+    assert stage.tracker.obstacles(stage.now_s) == ()
+    assert stage.tracker.moved_s == -math.inf
+
+
+def test_a_beam_that_alone_sees_things_is_not_fled_from_for_long() -> None:
+    """Beam 0 says 0.4 m in every direction, and the other three look through it."""
+    stage = Stage()
+    stage.run(2.0)
+    stage.lies = {0: 0.4}
+    stage.run(8.0)
+    for _ in range(20):
+        assert stage.run(0.2) == ()
+        assert stage.tracker.unrest(stage.now_s) == ()
 
 
 def test_the_same_rays_give_the_same_movers() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from autonomy.config import BodyConfig
 from autonomy.model import BeamDoubt, BeamWord, FusedState
 from autonomy.perception.doubt.doubter import Doubt
+from autonomy.perception.movers import Unrest
 from hal.config import BeamsConfig
 from hal.frames import wrap_pi
 from hal.readings import RangeReading
@@ -70,6 +71,7 @@ class Turning:
         rate_rad_s: float = RATE_RAD_S,
         model: BeamSimulation | None = None,
         way_m: float = 0.3,
+        moving: tuple[Unrest, ...] = (),
     ) -> None:
         rng = np.random.default_rng(seed)
         beams = BeamsConfig(latency_s=0.0)
@@ -81,6 +83,7 @@ class Turning:
         self.now_s = 0.0
         self._speed_m_s, self._height, self._rate_rad_s = speed_m_s, height, rate_rad_s
         self._yaw_rad, self._way_m = 0.0, way_m
+        self._moving = moving
         self._known: tuple[BeamDoubt, ...] = ()
         self.readings: tuple[RangeReading, ...] = ()
 
@@ -111,7 +114,7 @@ class Turning:
             ok=True,
             yaw_rate_rad_s=self._rate_rad_s,
         )
-        self.doubt.learn(self.now_s, fused, self.readings)
+        self.doubt.learn(self.now_s, fused, self.readings, self._moving)
         new = self.doubt.doubts
         if new is not self._known:
             self.history += [(self.now_s, doubt) for doubt in new if doubt not in self._known]

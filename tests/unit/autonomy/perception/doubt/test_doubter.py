@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from autonomy.model import BeamWord
+from autonomy.perception.movers import Unrest
 from hal.readings import RangeReading, RangeStatus
-from hal.sim.scenario import BeamSimulation
+from hal.sim.scenario import BeamSimulation, Disc
 from tests.unit.autonomy.perception.doubt.rig import ONE_WALL, OPEN, ROOM, STEP, Turning, high
 
 LEVEL = ("front", "right", "back", "left")
@@ -92,6 +93,33 @@ def test_a_beam_that_still_contradicts_the_others_is_not_believed_again() -> Non
 
 def test_all_beams_that_stop_seeing_at_once_are_doubted() -> None:
     assert set(Turning("beam_constant@8").fly(12.0).words()) >= set(LEVEL)
+
+
+def test_what_moves_accuses_nobody_and_what_moves_elsewhere_nobody_else() -> None:
+    fault = "beam_bias@8:beam=front,bias_m=-0.3"
+    here, elsewhere = (Unrest((n, 0.0), 2.0, left=False) for n in (0.0, 9.0))
+    assert Turning(fault, moving=(elsewhere, here)).fly(25.0).history == []
+    assert set(Turning(fault, moving=(elsewhere,)).fly(25.0).words()) == {"front"}
+
+
+def test_one_thing_that_leaves_does_not_make_all_beams_blind() -> None:
+    pillar = Disc(centre_ne_m=(0.6, 0.1), radius_m=0.2)
+    room = OPEN.model_copy(update={"obstacles": (pillar,)})
+    assert Turning("beam_constant@8", room=room).fly(14.0).history == []
+
+
+def test_a_look_past_what_has_just_left_is_no_denial() -> None:
+    fault = "beam_bias@8:beam=front,bias_m=0.4"
+    marked = []
+    for moving in ((), (Unrest((0.0, 0.0), 2.0, left=True),)):
+        flown, suspects = Turning(fault, moving=moving), 0
+        for _ in range(50):
+            flown.fly(0.2)
+            judged = flown.doubt.judge(flown.readings)
+            suspects += sum(one.status is RangeStatus.SUSPECT for one in judged)
+        marked.append(suspects)
+    assert marked[0] > 0
+    assert marked[1] == 0
 
 
 def test_beams_that_never_saw_anything_are_doubted_when_the_floor_is_missed() -> None:
