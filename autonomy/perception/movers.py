@@ -86,6 +86,8 @@ UNREST_S = 5.0
 """What two looks say of a place that was left less than this ago may differ."""
 UNREST_EVERY_S = 0.3
 UNREST_SPARE_M = 0.15
+SECOND_BEAM_S = 2.0
+"""Even at 60 deg/s another beam has looked there by then."""
 PHANTOMS_MAX = 1
 PHANTOM_S = 20.0
 """A beam that alone saw more than so many things lately that no other beam saw is not taken at its
@@ -181,10 +183,13 @@ class _Track:
         c, s = math.cos(ray.bearing_rad), math.sin(ray.bearing_rad)
         dn, de = n - ray.origin_ned_m[0], e - ray.origin_ned_m[1]
         along, across = dn * c + de * s, de * c - dn * s
-        if along < 0.0 or along > ray.length_m or abs(across) >= r:
+        if along < 0.0 or abs(across) >= r:
             return
-        if abs(across) < 0.5 * r:
+        spare_m = 0.5 * r if ray.kind is RayKind.FREE else 0.0
+        if abs(across) < 0.5 * r and ray.length_m > along - spare_m:
             self.misses += 1
+        if along > ray.length_m:
+            return
         side = math.copysign(1.0, across)
         slope = np.array([-s * side, c * side, 0.0, 0.0, -1.0])
         self.fuse(r - abs(across), slope, PASS_SIGMA_M)
@@ -255,11 +260,13 @@ class MoverTracker:
         return (*there, *(Unrest(point, radius_m, left=True) for _, point, radius_m in self._left))
 
     def _is_believed(self, track: _Track, now_s: float) -> bool:
-        """False for what one beam alone saw that has seen several things lately that nobody else
-        did.
+        """False for what one beam alone saw: for long, or after it saw other things lately that
+        nobody else did.
         """
         if len(track.beams) > 1:
             return True
+        if now_s - track.born_s > SECOND_BEAM_S:
+            return False
         seen = sum(
             beam in track.beams and now_s - stamp_s < PHANTOM_S for stamp_s, beam in self._phantoms
         )
@@ -336,9 +343,9 @@ class MoverTracker:
             if track.hit_s < ray.stamp_s:
                 track.passed(ray)
 
-    def _remember(self, track: _Track, now_s: float) -> None:
+    def _remember(self, track: _Track, now_s: float, *, lost: bool) -> None:
         """Note where it is now and then, and who alone saw what is not there."""
-        if track.misses >= MISSES_MAX and len(track.beams) == 1:
+        if lost and track.hits >= CONFIRM_HITS and len(track.beams) == 1:
             self._phantoms.append((now_s, min(track.beams)))
         if track.moved and len(track.beams) > 1 and now_s - track.noted_s >= UNREST_EVERY_S:
             track.noted_s = now_s
@@ -354,7 +361,7 @@ class MoverTracker:
             if track.hits >= CONFIRM_HITS and not track.stands and self._is_believed(track, now_s):
                 self.new_s = now_s
             lost = now_s - track.hit_s > FORGET_S or track.misses >= MISSES_MAX
-            self._remember(track, now_s)
+            self._remember(track, now_s, lost=lost)
             lost = lost or (track.hits < CONFIRM_HITS and now_s - track.hit_s > CANDIDATE_S)
             place = _place(track)
             double = any(math.dist(place, other.state[:2]) < ONE_M for other in kept)

@@ -1,13 +1,14 @@
 """Fly among movers, print the table, and with --write put it into tools/movers/README.md.
 
-python -m tools.movers [--flights N] [--speed M_S ...] [--mode stop|rolling] [--blind] [--write]
+python -m tools.movers [--flights N] [--first ROOM] [--speed M_S ...] [--mode stop|rolling]
+                       [--look expected|default|blind] [--write]
                        [--picture ROOM]
 """
 
 import argparse
 from pathlib import Path
 
-from tools.movers.campaign import campaign, table
+from tools.movers.campaign import Look, campaign, table
 from tools.movers.picture import draw
 
 README = Path(__file__).with_name("README.md")
@@ -20,10 +21,11 @@ def main() -> None:
         prog="python -m tools.movers", description=__doc__, allow_abbrev=False
     )
     parser.add_argument("--flights", type=int, default=200, help="rooms at every speed")
+    parser.add_argument("--first", type=int, default=0, help="the first room's number")
     parser.add_argument("--speed", type=float, action="append", help="m/s, may be repeated")
     parser.add_argument("--mode", choices=["stop", "rolling"], default="stop")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--blind", action="store_true", help="nobody looks for movers")
+    parser.add_argument("--look", type=Look, choices=list(Look), default=Look.EXPECTED)
     parser.add_argument("--write", action="store_true", help="renew the table in the README")
     parser.add_argument("--picture", type=int, metavar="ROOM", help="draw an evasion there instead")
     options = parser.parse_args()
@@ -33,10 +35,10 @@ def main() -> None:
         return
     rows = campaign(
         options.speed or [0.1, 0.2, 0.3],
-        options.flights,
+        range(options.first, options.first + options.flights),
         options.jobs,
-        mode=options.mode,
-        watch=not options.blind,
+        options.mode,
+        options.look,
     )
     print(table(rows))
     if options.write:

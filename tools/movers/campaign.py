@@ -5,6 +5,7 @@ import statistics
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from enum import StrEnum
 
 from autonomy.config import Config
 from autonomy.geometry import Point
@@ -36,29 +37,40 @@ class Row:
     navigation_s: float
     simulated_s: float
     wall_s: float
+    doubted: bool = False
 
 
-def configuration(scenario: Scenario, mode: str, *, watch: bool) -> Config:
-    """As flown: movers are expected, or not even looked for."""
+class Look(StrEnum):
+    """How movers are looked for."""
+
+    EXPECTED = "expected"  # fast and with short memory from the start on
+    DEFAULT = "default"  # only once something new was seen
+    BLIND = "blind"  # not at all
+
+
+def configuration(scenario: Scenario, mode: str, look: Look = Look.EXPECTED) -> Config:
+    """The default configuration but for `look` and the time limit."""
     document = {
         "mission": {"replan": {"mode": mode}, "time_limit_s": TIME_LIMIT_S},
-        "movers": {"watch": watch, "expected": watch},
+        "movers": {"watch": look is not Look.BLIND, "expected": look is Look.EXPECTED},
     }
     return with_scenario(Config.model_validate(document), scenario)
 
 
-def fly(number: int, speed_m_s: float, mode: str = "stop", *, watch: bool = True) -> Row:
+def fly(number: int, speed_m_s: float, mode: str = "stop", look: Look = Look.EXPECTED) -> Row:
     """One flight through room `number`."""
     scenario = world(number, speed_m_s)
-    config = configuration(scenario, mode, watch=watch)
+    config = configuration(scenario, mode, look)
     flown: list[tuple[float, Point]] = []
     evasions = 0
+    doubted = False
 
     def note(simulation: Simulation, command: Command) -> None:
-        nonlocal evasions
+        nonlocal evasions, doubted
         truth = simulation.vehicle.truth()
         flown.append((truth.stamp_s, truth.position_ned_m[:2]))
         evasions += sum(event.name == "make_way" for event in command.decision.events)
+        doubted = doubted or bool(command.decision.doubts)
 
     flight = Simulation(scenario, config, (goal_of(scenario, config),), number).run(on_tick=note)
     steered = [c for state, c in flight.contacts if state not in NOT_STEERED]
@@ -72,6 +84,7 @@ def fly(number: int, speed_m_s: float, mode: str = "stop", *, watch: bool = True
         flight.navigation_time_s,
         flight.simulated_s,
         flight.wall_s,
+        doubted,
     )
 
 
@@ -96,13 +109,17 @@ def avoidable(
 
 
 def campaign(
-    speeds: Iterable[float], flights: int, jobs: int, *, mode: str = "stop", watch: bool = True
+    speeds: Iterable[float],
+    rooms: Sequence[int],
+    jobs: int,
+    mode: str = "stop",
+    look: Look = Look.EXPECTED,
 ) -> list[Row]:
-    """`flights` rooms at every speed."""
+    """All `rooms` at every speed."""
     warm_up()
-    cases = [(number, speed) for speed in speeds for number in range(flights)]
+    cases = [(number, speed) for speed in speeds for number in rooms]
     with ProcessPoolExecutor(jobs) as pool:
-        futures = [pool.submit(fly, number, speed, mode, watch=watch) for number, speed in cases]
+        futures = [pool.submit(fly, number, speed, mode, look) for number, speed in cases]
         return [future.result() for future in futures]
 
 
@@ -111,9 +128,10 @@ def table(rows: Sequence[Row]) -> str:
     lines = [
         (
             "| movers at | flights | with a hit | hits | of these moved into | avoidable "
-            "| hit while PX4 took off or landed | goal reached | made way, mean | time s p50/p95 |"
+            "| hit while PX4 took off or landed | goal reached | a beam doubted | made way, mean "
+            "| time s p50/p95 |"
         ),
-        f"|{'---|' * 10}",
+        f"|{'---|' * 11}",
     ]
     for speed in dict.fromkeys(row.speed_m_s for row in rows):
         mine = [row for row in rows if row.speed_m_s == speed]
@@ -125,6 +143,7 @@ def table(rows: Sequence[Row]) -> str:
             f"| {len(hits)} | {sum(into for into, _ in hits)} | {sum(could for _, could in hits)} "
             f"| {sum(row.hits_by_px4 > 0 for row in mine)} "
             f"| {sum(row.ending == 'goal_reached' for row in mine)} "
+            f"| {sum(row.doubted for row in mine)} "
             f"| {statistics.mean(row.evasions for row in mine):.1f} "
             f"| {statistics.median(times):.0f}/{times[int(0.95 * len(times))]:.0f} |"
         )

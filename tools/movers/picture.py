@@ -21,7 +21,7 @@ def draw(number: int, speed_m_s: float, path: Path) -> None:
     Raises ValueError when nobody made way, BadInput without matplotlib.
     """
     scenario = world(number, speed_m_s)
-    config = with_scenario(configuration(scenario, "stop", watch=True), scenario)
+    config = with_scenario(configuration(scenario, "stop"), scenario)
     ticks: list[tuple[float, Point, tuple[Point, ...]]] = []
     said: list[tuple[float, str]] = []
 

@@ -65,13 +65,15 @@ def test_a_campaign_counts_what_happened() -> None:
     hit = campaign.Row(1, 0.2, "goal_reached", ((False, True), (True, False)), 1, 3, 50.0, 60, 1)
     lines = campaign.table([row, hit]).splitlines()
     assert len(lines) == 3
-    assert lines[2].startswith("| 0.2 m/s | 2 | 1 (50.0 %) | 2 | 1 | 1 | 1 | 2 |")
+    assert lines[2].startswith("| 0.2 m/s | 2 | 1 (50.0 %) | 2 | 1 | 1 | 1 | 2 | 0 |")
 
 
 def test_movers_are_blind_flown_without_looking() -> None:
     scenario = worlds.world(0, 0.2)
-    watching, blind = (campaign.configuration(scenario, "stop", watch=w) for w in (True, False))
+    watching, default, blind = (campaign.configuration(scenario, "stop", w) for w in campaign.Look)
     assert watching.movers.expected
     assert not blind.movers.watch
+    assert default.movers.watch
+    assert not default.movers.expected
     assert not blind.movers.expected
     assert len(set(itertools.chain((watching.guard.fence, blind.guard.fence)))) == 1
