@@ -319,14 +319,14 @@ class MoverTracker:
 
     def _note(self, hit: Point, stamp_s: float, known: ObstacleMap) -> None:
         """Remember since when a cell is known to be hit."""
-        cell = known.cell(hit)
+        cell = _unmoved(known.cell(hit), known)
         if cell not in self._first_hit_s or not known.hit_cells_within(hit, 0.0):
             self._first_hit_s[cell] = stamp_s
 
     def _was_known(self, hit: Point, radius_m: float, stamp_s: float, known: ObstacleMap) -> bool:
         """True when something was hit near there before this look and the one before."""
         return any(
-            self._first_hit_s.get(cell, math.inf) <= stamp_s - PASS_S
+            self._first_hit_s.get(_unmoved(cell, known), math.inf) <= stamp_s - PASS_S
             for cell in known.hit_cells_within(hit, radius_m)
         )
 
@@ -372,6 +372,11 @@ class MoverTracker:
             if track.moved and not lost:
                 _erase(track, known, now_s)
         self._tracks = kept
+
+
+def _unmoved(cell: tuple[int, int], known: ObstacleMap) -> tuple[int, int]:
+    """The name of a cell that stays the same when the map moves its content."""
+    return (cell[0] - known.moved_cells[0], cell[1] - known.moved_cells[1])
 
 
 def _place(track: _Track) -> Point:

@@ -66,6 +66,8 @@ class ObstacleMap:
         self._now_s: float | None = None
         self._waiting_discs: list[tuple[Point, float]] = []
         self._version = 0
+        self.moved_cells = (0, 0)
+        """By how many rows and columns `shift` has moved the content of `cell`s so far."""
         self._hits: FloatArray | None = None
 
     # ------------------------------------------------------------ taking in
@@ -420,6 +422,7 @@ class ObstacleMap:
 
     def _move_cells(self, rows: int, columns: int) -> None:
         """Move the content by whole cells and the origin back by as much; exact."""
+        self.moved_cells = (self.moved_cells[0] + rows, self.moved_cells[1] + columns)
         self._north0_m -= rows * self._cell_m
         self._east0_m -= columns * self._cell_m
         seen = np.full_like(self._seen, -np.inf)

@@ -25,6 +25,8 @@ class Stage:
         self.map = ObstacleMap(MapConfig(), 0.15, Fence.rectangle((-3.0, 3.0), (-3.0, 3.0)))
         self.tracker = MoverTracker()
         self.now_s = 0.0
+        self.origin = (0.0, 0.0)
+        """Where the vehicle is in the map's frame; the discs keep their places around it."""
         self.lies: dict[int, float] = {}
         """Beams that hit something at one distance everywhere."""
 
@@ -55,7 +57,7 @@ class Stage:
                 end = along - math.sqrt(radius * radius - across * across)
                 if end < length:
                     length, kind = end, RayKind.HIT
-        return Ray(self.now_s, beam, kind, (0.0, 0.0, -1.0), bearing, 0.0, length, (0.0, 0.0))
+        return Ray(self.now_s, beam, kind, (*self.origin, -1.0), bearing, 0.0, length, (0.0, 0.0))
 
 
 def test_nothing_that_stands_becomes_a_mover() -> None:
@@ -157,6 +159,16 @@ def test_a_beam_that_alone_sees_things_is_not_fled_from_for_long() -> None:
         places.append(bool(stage.tracker.unrest(stage.now_s)))
     assert not any(fled[100:])
     assert not any(places[100:])
+
+
+def test_a_frame_that_jumps_by_whole_cells_makes_nothing_new() -> None:
+    stage = Stage(((0.7, 0.1), (0.0, 0.0), 0.2), ((-0.5, 0.5), (0.0, 0.0), 0.1))
+    stage.run(5.0)
+    stage.map.shift((0.6, -0.6))
+    stage.origin = (0.6, -0.6)
+    stage.run(5.0)
+    assert stage.tracker.new_s == -math.inf
+    assert stage.tracker.obstacles(stage.now_s) == ()
 
 
 def test_the_same_rays_give_the_same_movers() -> None:
