@@ -283,9 +283,9 @@ class FailsafeConfig(Section):
     battery_return: Annotated[float, Field(ge=0.0, le=1.0)] = 0.20
     battery_land: Annotated[float, Field(ge=0.0, le=1.0)] = 0.15
     sensor_loss_hold_s: Positive = 0.5
-    """A horizontal beam silent for this long: hold ..."""
+    """A horizontal beam silent for this long is lost: the others cover for one ..."""
     sensor_loss_land_s: Positive = 5.0
-    """... and for this long: land."""
+    """... with two lost: hold, and after this long land."""
     doubt_beams: bool = True
     """Doubt beams that measure, too (stuck, jumping, contradicting the others ...)."""
     state_loss_land_s: Positive = 2.0
@@ -306,7 +306,7 @@ class FailsafeConfig(Section):
     battery_low: Ending = "return"
     """At `battery_return`: return, where the rate of discharge leaves the time for it, or land."""
     sensor_loss: Ending = "land"
-    """A beam silent for `sensor_loss_land_s`, or come and gone too often."""
+    """Two beams lost for `sensor_loss_land_s`, or gone and back too often."""
     unreachable: Ending = "land"
     budget: Ending = "land"
     """`mission.time_limit_s` or `mission.path_limit_m` used up."""

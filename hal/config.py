@@ -389,6 +389,10 @@ class Fence(Section):
     def _encloses_something(self) -> "Fence":
         if self.polygon_ne_m is None and self.radius_m is None:
             raise ValueError("a fence needs polygon_ne_m or radius_m; give one, or both")
+        if self.polygon_ne_m is not None and fence.crosses_itself(self.polygon_ne_m):
+            raise ValueError(
+                "polygon_ne_m crosses itself; give its corners in order, round the outside"
+            )
         if len(self.outline_ne_m) < 3:
             raise ValueError(
                 "nothing of polygon_ne_m lies within radius_m of the take-off point; widen one"

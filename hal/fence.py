@@ -17,6 +17,53 @@ def circle(radius_m: float) -> Ring:
     )
 
 
+def crosses_itself(ring: Ring) -> bool:
+    """True where edges that are not neighbours meet, or neighbours lie on one another.
+
+    Equal corners in a row count once, a first one repeated at the end too. What is inside of such
+    a ring is a matter of taste.
+    """
+    corners = [c for before, c in zip(ring[-1:] + ring[:-1], ring, strict=True) if c != before]
+    edges = list(zip(corners, corners[1:] + corners[:1], strict=True))
+    count = len(edges)
+    for i, (a, b) in enumerate(edges):
+        if _folds_back(a, b, edges[(i + 1) % count][1]):
+            return True
+        for j in range(i + 2, count - (i == 0)):
+            if _meet(a, b, *edges[j]):
+                return True
+    return False
+
+
+def _folds_back(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
+    """The way from `a` over `b` to `c` turns round on the spot."""
+    ahead = (b[0] - a[0]) * (c[0] - b[0]) + (b[1] - a[1]) * (c[1] - b[1])
+    return ahead < 0.0 and _side(a, b, c) == 0.0
+
+
+def _meet(
+    a: tuple[float, float],
+    b: tuple[float, float],
+    c: tuple[float, float],
+    d: tuple[float, float],
+) -> bool:
+    """True when the edges a-b and c-d have a point in common."""
+    for (low, high), (first, last) in zip(_spans(a, b), _spans(c, d), strict=True):
+        if high < first or last < low:
+            return False
+    return _side(a, b, c) * _side(a, b, d) <= 0.0 and _side(c, d, a) * _side(c, d, b) <= 0.0
+
+
+def _spans(a: tuple[float, float], b: tuple[float, float]) -> list[tuple[float, float]]:
+    return [(min(one, other), max(one, other)) for one, other in zip(a, b, strict=True)]
+
+
+def _side(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    """Positive where `c` is on the right of the line from `a` to `b`, 0 on it; sign alone."""
+    area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    return math.copysign(1.0, area) if area else 0.0
+
+
 def within_circle(ring: Ring, radius_m: float) -> Ring:
     """What of the polygon lies in `circle(radius_m)`; empty when nothing does.
 

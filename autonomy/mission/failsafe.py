@@ -37,11 +37,9 @@ class Fault(StrEnum):
     FENCE_LEFT = "fence_left"
     DRIFT_LONG = "drift_long"
     DRIFT = "drift"
-    OBSTACLE_APPROACHING = "obstacle_approaching"
     UNREACHABLE = "unreachable"
     TIME_OVER = "time_over"
     PATH_OVER = "path_over"
-    RESTARTED = "restarted"
 
 
 class Response(IntEnum):
@@ -140,7 +138,11 @@ RULES: Mapping[Fault, Rule] = {
         "`failsafe.fence_land_m` outside the geofence", _R.LAND, _E.FAILSAFE, confirm_s=0.2
     ),
     Fault.FENCE_LEFT: Rule(
-        "`failsafe.fence_return_m` outside the geofence", _R.RETURN, _E.FAILSAFE, confirm_s=0.5
+        "`failsafe.fence_return_m` outside the geofence",
+        _R.RETURN,
+        _E.FAILSAFE,
+        confirm_s=0.5,
+        clear_s=_CLEAR_S,
     ),
     Fault.DRIFT_LONG: Rule(
         "a drift that lasts for `failsafe.drift_land_s`, or leads to an obstacle",
@@ -154,21 +156,20 @@ RULES: Mapping[Fault, Rule] = {
         flapping=_R.LAND,
         clear_s=0.5,
     ),
-    Fault.OBSTACLE_APPROACHING: Rule("something comes nearer", _R.STOP, _E.FAILSAFE),
     Fault.UNREACHABLE: Rule(
         "the ladder's last rung", _R.LAND, _E.UNREACHABLE, key="failsafe.unreachable"
     ),
     Fault.TIME_OVER: Rule(
-        "`mission.time_limit_s` is over", _R.LAND, _E.BUDGET, key="failsafe.budget"
+        "`mission.time_limit_s` is over before it turned back",
+        _R.LAND,
+        _E.BUDGET,
+        key="failsafe.budget",
     ),
     Fault.PATH_OVER: Rule(
-        "`mission.path_limit_m` is flown", _R.LAND, _E.BUDGET, key="failsafe.budget"
-    ),
-    Fault.RESTARTED: Rule(
-        "the service began anew and finds its vehicle in the air",
-        _R.HOLD,
-        _E.FAILSAFE,
-        key="service.on_restart_in_flight",
+        "`mission.path_limit_m` is flown before it turned back",
+        _R.LAND,
+        _E.BUDGET,
+        key="failsafe.budget",
     ),
 }
 """The table. Every fault has a row; what no detector here finds is found by its owner."""
@@ -176,7 +177,7 @@ RULES: Mapping[Fault, Rule] = {
 UNCERTAIN = 0.7
 """Of the uncertainty at which nothing is flown any more: slow from here."""
 
-_CHOICES = {"land": Response.LAND, "return": Response.RETURN, "hold": Response.HOLD}
+_CHOICES = {"land": Response.LAND, "return": Response.RETURN}
 
 
 def response_to(config: Config, fault: Fault, *, flapping: bool = False) -> Response:
@@ -190,8 +191,8 @@ def response_to(config: Config, fault: Fault, *, flapping: bool = False) -> Resp
 
 
 def _chosen(config: Config, key: str) -> Response | None:
-    section, _, name = key.partition(".")
-    return _CHOICES[getattr(config.failsafe, name)] if section == "failsafe" else None
+    name = key.removeprefix("failsafe.")
+    return _CHOICES[getattr(config.failsafe, name)] if name else None
 
 
 class Found(msgspec.Struct, frozen=True):
@@ -221,7 +222,8 @@ class Situation(msgspec.Struct, frozen=True):
     `path_m` the way flown since; `jump_m` how far PX4's frame jumped at this tick; `outside_m` how
     far outside the fence the vehicle is (negative inside); `drift_m` how far it was flown lately
     elsewhere than asked for, `drift_s` for how long that has been over
-    `drift_limit_m`, and `drift_near` says that it leads towards an obstacle.
+    `drift_limit_m`, and `drift_near` says that it leads towards an obstacle; `returning` that the
+    mission has turned back.
     """
 
     status: VehicleStatus
@@ -237,6 +239,7 @@ class Situation(msgspec.Struct, frozen=True):
     drift_limit_m: float = math.inf
     drift_s: float = 0.0
     drift_near: bool = False
+    returning: bool = False
 
 
 def detect(config: Config, now: Situation) -> tuple[Found, ...]:
@@ -265,7 +268,7 @@ def _link_and_battery(config: Config, now: Situation) -> list[_Sentence]:
     left = status.battery_remaining
     if left is not None and left <= limits.battery_land:
         said.append((Fault.BATTERY_CRITICAL, f"the battery is at {left:.0%}"))
-    elif left is not None and left <= limits.battery_return:
+    if left is not None and left <= limits.battery_return:
         said.append((Fault.BATTERY_LOW, f"the battery is at {left:.0%}"))
     return said
 
@@ -305,9 +308,11 @@ def _motion(config: Config, now: Situation) -> list[_Sentence]:
     if not now.fused.ok:
         return said
     if now.outside_m > limits.fence_return_m:
-        far = now.outside_m > limits.fence_land_m
         why = f"{now.outside_m:.2f} m outside the geofence"
-        said.append((Fault.FENCE_LEFT_FAR if far else Fault.FENCE_LEFT, why))
+        said.append((Fault.FENCE_LEFT, why))
+        # Both: one that comes and goes must not break the other's confirmation.
+        if now.outside_m > limits.fence_land_m:
+            said.append((Fault.FENCE_LEFT_FAR, why))
     if now.drift_m > now.drift_limit_m or now.drift_near:
         long = now.drift_near or now.drift_s > limits.drift_land_s
         why = (
@@ -319,8 +324,11 @@ def _motion(config: Config, now: Situation) -> list[_Sentence]:
 
 
 def _budgets(config: Config, now: Situation) -> list[_Sentence]:
+    """Of the way out: a return has `failsafe.return_timeout_s`."""
     mission = config.mission
     said: list[_Sentence] = []
+    if now.returning:
+        return said
     if now.mission_s > mission.time_limit_s:
         said.append((Fault.TIME_OVER, f"the time limit of {mission.time_limit_s:g} s is over"))
     if mission.path_limit_m is not None and now.path_m > mission.path_limit_m:

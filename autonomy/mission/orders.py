@@ -17,6 +17,7 @@ class Orders:
     """STOP holds and then lands; LAND, or a second STOP, lands at once.
 
     HOLD holds until RESUME; said before the vehicle navigates, it holds as soon as it does.
+    Of the faults only those that land or let go come before either (`responding.py`).
     """
 
     def __init__(self) -> None:
@@ -49,6 +50,7 @@ class Orders:
 
     def stay(self, tick: Tick) -> Move | None:
         """After the orders of a tick: hold where HOLD was said."""
+        tick.held, tick.stopping = self._held, self._landing is not None
         if self._held and tick.state in NAVIGATING_STATES - {MissionState.HOLD}:
             return Move(MissionState.HOLD, "held by the operator until told to go on")
         return None

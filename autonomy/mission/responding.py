@@ -43,6 +43,8 @@ class Responding:
         self._listening_since_s = -math.inf
         self._fence_at: tuple[float, float] | None = None
         self._inside_m = 0.0
+        self._put_off: set[Fault] = set()
+        """Faults that return when the operator's HOLD is over, and were told."""
 
     def armed(self, now_s: float) -> None:
         """The mission's time begins."""
@@ -63,6 +65,7 @@ class Responding:
         tick.faults = self._persistence.step(
             tick.now_s, detect(self._config, self._situation(tick))
         )
+        self._put_off.intersection_update(each.fault for each in tick.faults)
 
     def respond(self, tick: Tick) -> Move | None:
         """Let go when PX4 or a pilot took over; else do what the fault table says."""
@@ -91,11 +94,20 @@ class Responding:
             held = tick.state is MissionState.HOLD
             return None if held else Move(MissionState.HOLD, f"{hold.why}: holding")
         if worst.response is Response.RETURN:
-            if tick.state is MissionState.RETURN or tick.returning:
-                return None
-            return _ends(worst, MissionState.RETURN, "returning")
+            return self._turn_back(tick, worst)
         if worst.response is Response.STOP and tick.state in PATH_STATES:
             return Move(MissionState.STOP, f"{worst.why}: stopping to look")
+        return None
+
+    def _turn_back(self, tick: Tick, worst: Found) -> Move | None:
+        """Return, unless the operator said otherwise: HOLD puts it off, STOP lands instead."""
+        if tick.returning or tick.stopping:
+            return None
+        if not tick.held:
+            return _ends(worst, MissionState.RETURN, "returning")
+        if worst.fault not in self._put_off:
+            self._put_off.add(worst.fault)
+            tick.say("hold", f"{worst.why}: held by the operator; returning when told to go on")
         return None
 
     def _may_return(self, tick: Tick, worst: Found) -> bool:
@@ -125,6 +137,7 @@ class Responding:
             beam_lost_now=self._sensing.lookout.lost_now,
             mission_s=tick.now_s - self._armed_s if self._armed_s is not None else 0.0,
             path_m=self._trail.flown_m,
+            returning=tick.returning,
             jump_m=jump_m,
             outside_m=self._outside_m(point) if tick.state in NAVIGATING_STATES else -math.inf,
             drift_m=self._drift.drift_m,

@@ -4,7 +4,8 @@ No global position is needed. The vehicle comes to rest, flies the trail backwar
 new stands on it, round what does where the planner finds a way to a later crumb, and changes its
 height where the trail did. It moves under the same guard as ever: only through space that was seen
 to be free lately, so that it looks round on the way and waits where it has not yet.
-What cannot be flown back, in `failsafe.return_timeout_s` or after `_ATTEMPTS` looks, lands here.
+What cannot be flown back, in `failsafe.return_timeout_s` without the holds or after `_ATTEMPTS`
+looks, lands here.
 
 A mission that is to land where it found the goal unreachable comes by here too where that place is
 narrow: PX4 descends by its own estimate, whose drift nothing corrects any more, so that it is
@@ -78,28 +79,31 @@ class Returning:
         self._attempts = 0
         self._wanted_m: float | None = None
         """The height that was set out for; None for a change that was under way before."""
-        self._began_s: float | None = None
+        self._flown_s: float | None = None
+        """How long the vehicle has been flying back; None before it turned back."""
+        self._last_s = 0.0
         self._to_open = config.failsafe.return_to == "open"
 
     @property
     def begun(self) -> bool:
         """True once the mission has turned back."""
-        return self._began_s is not None
+        return self._flown_s is not None
 
     def again(self, tick: Tick, outcome: Outcome | None) -> None:
         """The state is entered, for the first time or after a hold; `outcome` is the mission's."""
-        if self._began_s is None:
-            self._began_s = tick.now_s
+        if self._flown_s is None:
+            self._flown_s = 0.0
+        self._last_s = tick.now_s
         if outcome is not None and outcome.ending is Ending.UNREACHABLE:
             self._to_open |= response_to(self._config, Fault.UNREACHABLE) is Response.LAND
         self._enter(tick, self._rest)
 
     def fly(self, tick: Tick) -> Move | None:
         """RETURN: one tick."""
-        if self._began_s is not None:
-            late_s = tick.now_s - self._began_s - self._config.failsafe.return_timeout_s
-            if late_s > 0.0:
-                return _land("the way back took too long")
+        self._flown_s = (self._flown_s or 0.0) + tick.now_s - self._last_s
+        self._last_s = tick.now_s
+        if self._flown_s > self._config.failsafe.return_timeout_s:
+            return _land("the way back took too long")
         return self._step(tick)
 
     def _enter(self, tick: Tick, step: _Step) -> None:

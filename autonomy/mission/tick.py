@@ -33,6 +33,10 @@ class Tick:
     """What counts as wrong at this tick, strongest response first."""
     returning: bool = False
     """The mission is over, and the vehicle on its way back (it may hold meanwhile)."""
+    held: bool = False
+    """The operator said HOLD, and not yet RESUME."""
+    stopping: bool = False
+    """The operator said STOP: it holds, and lands soon."""
     movers: tuple[MovingObstacle, ...] = ()
     requests: list[Request] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)

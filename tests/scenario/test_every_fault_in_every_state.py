@@ -210,9 +210,7 @@ INJECTED: dict[Fault, tuple[Callable[[Tampered], None], str]] = {
     Fault.PATH_OVER: (far_flown, "m of way is flown"),
 }
 FOUND_ELSEWHERE = {
-    Fault.OBSTACLE_APPROACHING,  # by who watches what moves
     Fault.UNREACHABLE,  # by the ladder: tests/scenario/test_returns.py
-    Fault.RESTARTED,  # by the service: tests/unit/autonomy/test_in_flight.py
 }
 NEEDS_TICKS = {
     Fault.STATE_LOST_LONG: 60,

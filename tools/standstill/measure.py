@@ -23,6 +23,7 @@ COMMANDED_M_S = 0.02
 _WIRE_PERIOD_S = 0.1
 WATCHED_S = 20.0
 """A program that is gone, or that goes on, is watched so long."""
+LATER_S = 10.0
 _LIMIT_S = 150.0
 _CRUISING_M_S = 0.15
 
@@ -82,6 +83,8 @@ class Measured:
     exit_code: int | None
     clearance_m: float
     harmed: str
+    later_m: float = 0.0
+    """How far it got, horizontally, in the last `LATER_S` that were watched."""
 
 
 def measure(fault: Fault, state: str, folder: Path) -> Measured:
@@ -147,7 +150,15 @@ def judged(
         exit_code,
         min(flown, default=math.inf),
         _harm(truth),
+        later_m(after),
     )
+
+
+def later_m(after: Sequence[dict[str, Any]]) -> float:
+    """Metres between the place `LATER_S` before the end and the farthest from it since."""
+    late = [s for s in after if s["t"] >= after[-1]["t"] - LATER_S]
+    here = late[0]["position_ned_m"][:2]
+    return max(math.dist(here, s["position_ned_m"][:2]) for s in late)
 
 
 def stopped_s(after: Sequence[dict[str, Any]], sent: Sequence[tuple[float, float]]) -> float:

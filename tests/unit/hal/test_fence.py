@@ -94,3 +94,22 @@ def test_map_and_planner_go_by_the_same_cylinder() -> None:
     plan = planner.plan((0.0, -0.8), (0.0, 0.8), bar)
     assert isinstance(plan, Plan)
     assert all(fence.inside_distance_m(*point) >= -1e-3 for point in plan.points)
+
+
+@pytest.mark.parametrize(
+    "polygon",
+    [
+        [[0, 0], [2, 2], [2, 0], [0, 2]],
+        [[0, 0], [2, 0], [2, 2], [1, 0], [0, 2]],
+        [[0, 0], [2, 0], [1, 0]],
+    ],
+)
+def test_a_polygon_that_crosses_itself_is_refused_with_the_remedy(
+    polygon: list[list[float]],
+) -> None:
+    with pytest.raises(ValueError, match="crosses itself; give its corners in order"):
+        Fence.model_validate({"polygon_ne_m": polygon})
+
+
+def test_a_ring_that_is_closed_by_its_first_corner_does_not_cross_itself() -> None:
+    assert Fence(polygon_ne_m=(*L_SHAPE, L_SHAPE[0])).inside_distance_m(-0.5, -0.5) > 0.0

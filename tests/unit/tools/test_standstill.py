@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tools.standstill.__main__ import bound_kept, cell, section
+from tools.standstill.__main__ import bound_kept, cell, main, section
 from tools.standstill.faults import FAULTS, Duty
 from tools.standstill.measure import Measured, judged, standing_from, stopped_s
 
@@ -110,7 +110,10 @@ def test_each_duty_has_its_bound() -> None:
     assert not bound_kept(measured(gone, stopped_s=1.4))
     assert bound_kept(measured(leash, stopped_s=math.nan, moved_m=0.25))
     assert not bound_kept(measured(leash, moved_m=0.31))
-    assert bound_kept(measured(fly_on, exit_code=None, stopped_s=math.nan))
+    assert bound_kept(measured(fly_on, exit_code=None, stopped_s=math.nan, later_m=0.3))
+    assert not bound_kept(measured(fly_on, exit_code=None, stopped_s=math.nan, later_m=0.29))
+    assert bound_kept(measured(fly_on, exit_code=0, later_m=0.0))
+    assert bound_kept(measured(fly_on, exit_code=None, state="takeoff"))
     assert not bound_kept(measured(fly_on, exit_code=1))
 
 
@@ -118,7 +121,7 @@ def test_the_table_names_what_was_late_and_what_was_harmed() -> None:
     rows = [
         measured("step raises"),
         measured("killed (SIGKILL)", stopped_s=1.5, exit_code=-9, end="PX4 hold"),
-        measured("disk full", exit_code=None, harmed="touched something at 3.0 s"),
+        measured("disk full", exit_code=None, later_m=1.5, harmed="touched something at 3.0 s"),
     ]
     text = section(rows)
     assert "| step raises | 0.30 / 0.70 s, 0.10 m: landed, exit 1 |" in text
@@ -128,3 +131,23 @@ def test_the_table_names_what_was_late_and_what_was_harmed() -> None:
     assert "Harmed: 1." in text
     assert "- disk full, cruise: touched something at 3.0 s" in text
     assert cell(rows[2]) == "flew on"
+
+
+def test_a_program_that_hangs_for_ever_did_not_go_on() -> None:
+    flown = judged("disk full", "cruise", states(*[0.2] * 400), 1, None, [])
+    hung = judged("disk full", "cruise", states(*[0.2] * 150, *[0.0] * 250), 1, None, [])
+    assert flown.later_m == pytest.approx(2.0, abs=0.02)
+    assert hung.later_m == 0.0
+    assert bound_kept(flown)
+    assert not bound_kept(hung)
+    assert cell(flown) == "flew on"
+    assert "flies on" in cell(hung)
+
+
+@pytest.mark.parametrize(("stopped_s", "code"), [(0.4, 0), (0.6, 1), (math.nan, 1)])
+def test_a_stop_that_comes_too_late_is_told_by_the_exit_code(
+    monkeypatch: pytest.MonkeyPatch, stopped_s: float, code: int
+) -> None:
+    rows = [measured("step raises", stopped_s=stopped_s)]
+    monkeypatch.setattr("tools.standstill.__main__.campaign", lambda *_: rows)
+    assert main(["--fault", "step raises", "--state", "cruise"]) == code

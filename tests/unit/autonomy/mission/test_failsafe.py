@@ -66,7 +66,7 @@ def test_the_battery_returns_at_its_first_limit_and_lands_at_its_second() -> Non
     assert at(LIMITS.battery_return + 0.01) == []
     assert at(LIMITS.battery_return) == [Fault.BATTERY_LOW]
     assert at(LIMITS.battery_land + 0.01) == [Fault.BATTERY_LOW]
-    assert at(LIMITS.battery_land) == [Fault.BATTERY_CRITICAL]
+    assert at(LIMITS.battery_land) == [Fault.BATTERY_CRITICAL, Fault.BATTERY_LOW]
 
 
 def test_a_lost_state_holds_first_and_lands_later() -> None:
@@ -125,7 +125,10 @@ def test_a_jump_of_the_frame_stops_from_its_limit_on() -> None:
 def test_outside_the_fence_is_to_return_and_far_outside_to_land() -> None:
     assert faults(outside_m=LIMITS.fence_return_m) == []
     assert faults(outside_m=LIMITS.fence_return_m + 0.01) == [Fault.FENCE_LEFT]
-    assert faults(outside_m=LIMITS.fence_land_m + 0.01) == [Fault.FENCE_LEFT_FAR]
+    assert faults(outside_m=LIMITS.fence_land_m + 0.01) == [
+        Fault.FENCE_LEFT_FAR,
+        Fault.FENCE_LEFT,
+    ]
     assert faults(fused=LOST, outside_m=9.0) == [Fault.STATE_LOST]
 
 
@@ -179,3 +182,8 @@ def test_each_step_of_the_escalation_is_stronger_than_what_flaps() -> None:
 def test_limits_that_make_no_sense_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(DocumentError):
         validate_document({"failsafe": wrong}, Config, "test")
+
+
+def test_a_return_has_a_time_limit_of_its_own_and_no_budget() -> None:
+    late = CONFIG.mission.time_limit_s + 1.0
+    assert faults(mission_s=late, returning=True) == []
