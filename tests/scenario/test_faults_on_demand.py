@@ -102,7 +102,7 @@ ROWS = (
     Row("second_companion@liftoff+10:rate_hz=0", GOAL, "from the goal"),
     Row("second_companion@liftoff+10/0.3:north_m_s=0.3", GOAL, "from the goal", world="default"),
     Row("second_companion@liftoff+10:north_m_s=0.3", FAILSAFE, "another", world="default"),
-    Row("second_companion@liftoff+20:east_m_s=0.5", FAILSAFE, "another", world="default"),
+    Row("second_companion@liftoff+12:east_m_s=0.5", FAILSAFE, "another", world="default"),
     Row("second_companion@liftoff+10:down_m_s=-0.4", FAILSAFE, "another", world="default"),
     Row("reboot@2", GOAL, "from the goal"),
     Row("reboot@7", TAKEN, "disarmed"),
