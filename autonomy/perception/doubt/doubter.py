@@ -65,6 +65,7 @@ class Doubt:
         self._began_at_m: float | None = None
         self._changed_height = False
         self._denied: frozenset[str] = frozenset()
+        self._moves = False
         self._near_m = body.radius_m + _NEAR_M
         self.doubts: tuple[BeamDoubt, ...] = ()
         """The beams that are not believed, in the order of their mounts."""
@@ -120,6 +121,7 @@ class Doubt:
         if now_s - self._last_s > _STALL_S:
             self._listening_since_s = now_s
         self._last_s = now_s
+        self._moves = bool(moving)
         self._witness.explain(moving)
         self._witness.take(now_s, fused, ranges)
         denied = self._witness.denied if self._thorough else ()
@@ -265,8 +267,11 @@ class Doubt:
             self._doubt_all(now_s, trusted, Suspicion(BeamWord.INCONSISTENT, why))
 
     def _something_left(self) -> bool:
-        """True when all that is gone was in one direction: it may have been one thing."""
-        return self._witness.gone_one_way > disagreement.ONE_WAY
+        """True when all that is gone was in one direction, where things move: it may have left.
+
+        Where nothing was seen to move, what stood there stands there.
+        """
+        return self._moves and self._witness.gone_one_way > disagreement.ONE_WAY
 
     def _no_floor(self, evidence: tuple[BeamEvidence, ...]) -> bool:
         """True while a beam that looks down says that the floor it left is not there."""

@@ -102,10 +102,12 @@ def test_what_moves_accuses_nobody_and_what_moves_elsewhere_nobody_else() -> Non
     assert set(Turning(fault, moving=(elsewhere,)).fly(25.0).words()) == {"front"}
 
 
-def test_one_thing_that_leaves_does_not_make_all_beams_blind() -> None:
+def test_one_thing_that_is_gone_has_left_where_things_move_and_else_the_beams_are_blind() -> None:
     pillar = Disc(centre_ne_m=(0.6, 0.1), radius_m=0.2)
     room = OPEN.model_copy(update={"obstacles": (pillar,)})
-    assert Turning("beam_constant@8", room=room).fly(14.0).history == []
+    somewhere = (Unrest((-2.0, 0.0), 0.3, left=True),)
+    assert Turning("beam_constant@8", room=room, moving=somewhere).fly(14.0).history == []
+    assert set(Turning("beam_constant@8", room=room).fly(14.0).words()) >= set(LEVEL)
 
 
 def test_a_look_past_what_has_just_left_is_no_denial() -> None:
