@@ -112,7 +112,7 @@ class MoversConfig(Section):
     """True: something may move from the start on, so the vehicle scans fast and trusts no old
     sight. False: only for a while after something new was seen, and `remember_s` after it moved."""
     remember_s: NonNegative = 60.0
-    scan_deg_s: Positive = 130.0
+    scan_deg_s: Positive = 120.0
     """How fast the vehicle turns then. At 60 deg/s a mover comes 0.3 m nearer between two looks."""
     edge_rule_deg: Positive = 9.0
     """`map.edge_rule_deg` then: the rays of a faster scan lie farther apart."""
@@ -415,11 +415,15 @@ class Config(Section):
             )
         if self.guidance.speed_max_m_s > self.guard.speed_max_m_s:
             raise ValueError("guidance.speed_max_m_s must not be above guard.speed_max_m_s")
-        if self.guidance.yaw_rate_deg_s > self.guard.yaw_rate_max_deg_s:
-            raise ValueError(
-                "guidance.yaw_rate_deg_s must not be above guard.yaw_rate_max_deg_s, "
-                "or the vehicle turns more slowly than it looks round"
-            )
+        for key, rate_deg_s in (
+            ("guidance.yaw_rate_deg_s", self.guidance.yaw_rate_deg_s),
+            ("movers.scan_deg_s", self.movers.scan_deg_s),
+        ):
+            if rate_deg_s > self.guard.yaw_rate_max_deg_s:
+                raise ValueError(
+                    f"{key} must not be above guard.yaw_rate_max_deg_s, "
+                    "or the vehicle turns more slowly than it looks round"
+                )
         return self
 
     @model_validator(mode="after")
