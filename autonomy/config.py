@@ -110,7 +110,7 @@ class MoversConfig(Section):
     """False: everything is taken to stand still."""
     expected: bool = False
     """True: something may move from the start on, so the vehicle scans fast and trusts no old
-    sight. False: only for a while after something new was seen, and `remember_s` after it moved."""
+    sight. False: only for `remember_s` after something moved."""
     remember_s: NonNegative = 60.0
     scan_deg_s: Positive = 120.0
     """How fast the vehicle turns then. At 60 deg/s a mover comes 0.3 m nearer between two looks."""

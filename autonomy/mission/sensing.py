@@ -25,8 +25,6 @@ from hal.readings import RangeReading, RangeStatus
 
 _UPWARDS_DEG = 60.0
 _THIN_DEG = 3.0
-NEW_S = 8.0
-"""So long after something new was seen it may yet turn out to move."""
 _UNDER_VEHICLE_M = 0.14
 """The vehicle stands there: free, whatever is forgotten."""
 
@@ -171,8 +169,9 @@ class Sensing:
     def _expect_changes(self, now_s: float) -> None:
         """Old knowledge is doubted while things move."""
         config = self._config.movers
-        moved = now_s - self.movers.moved_s <= config.remember_s
-        moves = config.expected or moved or now_s - self.movers.new_s <= NEW_S
+        # Something new alone is no reason: among standing things that is nearly always noise, and
+        # half of the rolling flights in the furnished room stopped to make way for it.
+        moves = config.expected or now_s - self.movers.moved_s <= config.remember_s
         if moves is not self.things_move or self._doubted is not self.map:
             self.things_move, self._doubted = moves, self.map
             self.map.doubt(config if moves else None)

@@ -96,11 +96,13 @@ def test_a_verdict_in_a_narrow_place_is_landed_with_at_the_last_open_one() -> No
     assert distance(flown.end, (0.0, 0.0)) > 1.0
 
 
-def test_a_vehicle_that_lost_a_beam_finds_back_with_three() -> None:
+def test_a_vehicle_that_lost_two_beams_lands_where_the_others_show_it_no_way() -> None:
     lost = {"failsafe": {"sensor_loss": "return"}}
-    flown = Flown("default", lost, "beam_silence@liftoff+25:beam=front")
-    assert "beam front" in flown.flight.outcome.why
-    assert distance(flown.end, (0.0, 0.0)) < 0.3
+    faults = [f"beam_silence@liftoff+25:beam={beam}" for beam in ("front", "left")]
+    flown = Flown("default", lost, *faults)
+    assert "too few range beams are left" in flown.flight.outcome.why
+    assert MissionState.RETURN in flown.states
+    assert flown.said[-2][2] == "there is no way back: landing"
 
 
 def test_a_position_lost_for_a_moment_on_the_way_back_holds_and_goes_on() -> None:
