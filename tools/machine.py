@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from autonomy.mission import failsafe, machine
+from tools import pages
 
 README = Path(__file__).parents[1] / "autonomy" / "mission" / "README.md"
 
@@ -24,12 +25,7 @@ def parts() -> dict[str, str]:
 def renewed(page: str) -> str:
     """The page with what is generated as the code has it; ValueError where a marker is missing."""
     for name, text in parts().items():
-        begin, end = f"<!-- {name}: python -m tools.machine --write -->", f"<!-- {name} ends -->"
-        before, found, rest = page.partition(begin)
-        _, closed, after = rest.partition(end)
-        if not found or not closed:
-            raise ValueError(f"{README.name}: the markers {begin} and {end} are missing")
-        page = f"{before}{begin}\n{text}\n{end}{after}"
+        page = pages.renewed(page, name, text, README.name)
     return page
 
 

@@ -31,7 +31,7 @@ from autonomy.mission.failsafe import Fault, Response, response_to
 from autonomy.mission.heights import Heights
 from autonomy.mission.ladder import Ladder, Rung
 from autonomy.mission.making_way import predicted_hits
-from autonomy.mission.sensing import Sensing
+from autonomy.mission.sensing import UNDER_VEHICLE_M, Sensing
 from autonomy.mission.sequence import Move
 from autonomy.mission.steering import Steering
 from autonomy.mission.tick import Tick
@@ -50,7 +50,6 @@ from autonomy.t3drm.planner import Planner
 from hal.frames import Vector3, horizontal_norm
 
 _AT_REST_M_S = 0.05
-_DISC_UNDER_VEHICLE_M = 0.14
 _BACK_WITHIN_M = 0.1
 _CLOSED_FOR_S, _CLOSED_GAP_S = 0.5, 0.2
 """Over or under the goal: so long must the way to its height be closed, with no longer gaps."""
@@ -300,10 +299,10 @@ class Navigation:
         doing = str(rung)
         if rung is Rung.FORGET_NEARBY:
             radius_m, spacing_m = replan.forget_radius_m, self._config.planner.storeys.spacing_m
-            self._sensing.maps.forget_within(point, radius_m, _DISC_UNDER_VEHICLE_M, spacing_m)
+            self._sensing.maps.forget_within(point, radius_m, UNDER_VEHICLE_M, spacing_m)
             doing = f"{rung} {radius_m:g} m"
         elif rung is Rung.FORGET_ALL:
-            self._heights.forget(tick, _DISC_UNDER_VEHICLE_M)
+            self._heights.forget(tick, UNDER_VEHICLE_M)
         self._look_for_s = replan.hover_s
         return Move(
             MissionState.DETECT,

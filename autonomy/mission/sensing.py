@@ -25,7 +25,7 @@ from hal.readings import RangeReading, RangeStatus
 
 _UPWARDS_DEG = 60.0
 _THIN_DEG = 3.0
-_UNDER_VEHICLE_M = 0.14
+UNDER_VEHICLE_M = 0.14
 """The vehicle stands there: free, whatever is forgotten."""
 
 
@@ -152,7 +152,7 @@ class Sensing:
         if self._doubt.disputed:
             self.map.forget_cones(self._doubt.disputed)
         if self._doubt.lied_since_s is not None and self._home_fixed:
-            self.map.forget_seen_since(self._doubt.lied_since_s, fused.point, _UNDER_VEHICLE_M)
+            self.map.forget_seen_since(self._doubt.lied_since_s, fused.point, UNDER_VEHICLE_M)
 
     def moving(self, now_s: float) -> tuple[MovingObstacle, ...]:
         """What moves; where things move, also what is new and not yet known to stand."""

@@ -2,15 +2,14 @@
 address that the vehicle speaks from."""
 
 import math
-import select
-import socket
 import threading
 from collections import Counter, deque
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
+
+from tests.support.wire import Relay
 
 _STALE_FRAMES = 400
 """A frame is said again after so many others: seconds later."""
@@ -24,11 +23,8 @@ _ABSURD = (math.nan, math.inf, -math.inf, 1e38, -1e38)
 _TIMES = {"time_boot_ms": (0, 2**32 - 1), "time_usec": (0, 2**63)}
 
 
-class Heckler:
-    """Passes datagrams on; between `begin` and `end` puts one of its own after each frame.
-
-    The vehicle sends to `port`, the client listens on `client_port`. `put_in` counts by kind.
-    """
+class Heckler(Relay):
+    """Between `begin` and `end` puts one of its own after each frame; `put_in` counts by kind."""
 
     KINDS = (
         *("noise", "torn", "wrong checksum", "another system", "another component"),
@@ -36,35 +32,13 @@ class Heckler:
     )
 
     def __init__(self, port: int, client_port: int, seed: int = 0) -> None:
+        super().__init__(port, client_port)
         self._rng = np.random.default_rng(seed)
-        self._vehicle_side = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._vehicle_side.bind(("127.0.0.1", port))
-        self._client_side = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._client_side.bind(("127.0.0.1", 0))
-        self._client = ("127.0.0.1", client_port)
-        self._vehicle: tuple[str, int] | None = None
         self._ear = mavlink.MAVLink(None)
         self._ear.robust_parsing = True
         self._heard: deque[bytes] = deque(maxlen=_STALE_FRAMES)
         self._loud = threading.Event()
-        self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="heckler")
         self.put_in: Counter[str] = Counter()
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._closing.set()
-        self._thread.join()
-        self._vehicle_side.close()
-        self._client_side.close()
 
     def begin(self) -> None:
         """Be loud from now on."""
@@ -74,23 +48,11 @@ class Heckler:
         """Only listen."""
         self._loud.clear()
 
-    def _run(self) -> None:
-        sides = [self._vehicle_side, self._client_side]
-        while not self._closing.is_set():
-            for side in select.select(sides, [], [], 0.05)[0]:
-                try:
-                    data, address = side.recvfrom(4096)
-                except ConnectionRefusedError:
-                    continue  # the client is not there yet, or not any more
-                if side is self._client_side:
-                    if self._vehicle is not None:
-                        self._vehicle_side.sendto(data, self._vehicle)
-                    continue
-                self._vehicle = address
-                self._client_side.sendto(data, self._client)
-                for message in self._ear.parse_buffer(data) or ():
-                    if not isinstance(message, mavlink.MAVLink_unknown | mavlink.MAVLink_bad_data):
-                        self._heckle(message)
+    def from_vehicle(self, data: bytes) -> None:
+        """Put something in after each of its frames."""
+        for message in self._ear.parse_buffer(data) or ():
+            if not isinstance(message, mavlink.MAVLink_unknown | mavlink.MAVLink_bad_data):
+                self._heckle(message)
 
     def _heckle(self, message: Any) -> None:
         name, frame = message.get_type(), bytes(message.get_msgbuf())
@@ -102,7 +64,7 @@ class Heckler:
         data = self._words(kind, name, message, frame)
         if data:
             self.put_in[kind] += 1
-            self._client_side.sendto(data, self._client)
+            self.say_to_client(data)
 
     def _words(self, kind: str, name: str, message: Any, frame: bytes) -> bytes:
         rng = self._rng

@@ -13,11 +13,9 @@ from autonomy.config import Config
 from autonomy.simulation import Simulation, goal_of, with_scenario
 from autonomy.warm import warm_up
 from hal.sim.scenario import Scenario, load_scenario, shipped_scenarios
-from tools.bench.rooms import passage_m, room
+from tools.bench.rooms import SENSING_M, passage_m, room
 
 OPEN_ROOMS, CLOSED_ROOMS = "open rooms", "closed rooms"
-SENSING_M = 0.03
-"""What sensing may take from each side of a gap: a narrower one may read as closed."""
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from autonomy import __version__
+from tools import pages
 from tools.bench import flights
 from tools.bench.baselines.exact import ExactOptimum
 from tools.bench.maps import RANDOM_FAMILIES, Family
@@ -368,13 +369,7 @@ def slope(growth: Sequence[Growth], curve: str) -> float:
 
 def renew(section: str, text: str, page: Path = README) -> None:
     """Put `text` between the markers of `section`; ValueError when the page has none."""
-    begin, end = f"<!-- {section}: begin -->", f"<!-- {section}: end -->"
-    whole = page.read_text()
-    if begin not in whole or end not in whole:
-        raise ValueError(f"{page} has no place for {section}")
-    before, rest = whole.split(begin, 1)
-    after = rest.split(end, 1)[1]
-    page.write_text(f"{before}{begin}\n\n{text}\n\n{end}{after}")
+    pages.renew(section, text, page)
 
 
 def draw_all(measured: Campaign, chosen: Sequence[Family], into: Path = HERE) -> None:

@@ -9,8 +9,9 @@ from pathlib import Path
 import msgspec
 
 from autonomy.warm import warm_up
+from tools import pages
 from tools.doubt.flights import Row, faulty, fly, healthy
-from tools.doubt.report import put, tables
+from tools.doubt.report import tables
 
 README = Path(__file__).parents[2] / "autonomy" / "perception" / "doubt" / "README.md"
 
@@ -40,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             sys.stderr.write(f"touched something: {case.room} {case.mode} {case.fault}\n")
     found = tables(rows)
     if asked.write:
-        README.write_text(put(README.read_text(encoding="utf-8"), found), encoding="utf-8")
+        pages.renew("tables", found, README)
     else:
         sys.stdout.write(found + "\n")
     return 1 if any(row.collided for row in rows) else 0

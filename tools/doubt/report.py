@@ -7,7 +7,6 @@ from collections.abc import Iterable, Sequence
 from autonomy.model import BeamWord
 from tools.doubt.flights import KINDS, Row
 
-BEGIN, END = "<!-- tables: python -m tools.doubt --write -->", "<!-- end of tables -->"
 _JUDGED_S = 10.0
 """A fault that was there for less before the landing proves nothing about the detector."""
 _ALTERED_S = 5.0
@@ -17,18 +16,9 @@ _DETECTABLE = tuple(word for word in BeamWord if word is not BeamWord.OK)
 
 
 def tables(rows: Sequence[Row]) -> str:
-    """All tables, as they stand in the README between `BEGIN` and `END`."""
+    """All tables, as they stand in the README."""
     faulty = [row for row in rows if row.case.kind]
     return "\n\n".join((_false_alarms(rows), _misses(faulty), _endings(faulty)))
-
-
-def put(text: str, new: str) -> str:
-    """The README with its tables replaced. Raises ValueError where the marks are missing."""
-    head, begin, rest = text.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not begin or not end:
-        raise ValueError(f"the page has no {BEGIN} ... {END}; put the two lines where they belong")
-    return f"{head}{begin}\n\n{new}\n\n{end}{tail}"
 
 
 def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:

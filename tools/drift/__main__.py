@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 
 from autonomy.warm import warm_up
-from tools.bench.report import renew
 from tools.drift import flights, report
+from tools.pages import renew
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -26,7 +26,7 @@ def main() -> None:
     )
     print(text)
     if options.write:
-        from tools.bench.report import renew
+        from tools.pages import renew
 
         drifting = next(runs for case, runs in flown if case.gnss_drift_m_s == 0.5)
         (state, _), (drift, _) = page.PICTURES

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from autonomy.warm import warm_up
 from hal.sim.scenario import load_scenario
+from tools import pages
 from tools.hunt import campaign, report, shrink
 from tools.hunt.genome import decoded
 from tools.hunt.trial import Trial, fly
@@ -68,7 +69,7 @@ def _fly(options: argparse.Namespace) -> int:
     text = report.section(trials, campaign.version())
     print(text)
     if options.write:
-        report.renew(text)
+        pages.renew("hunt", text, report.README)
         report.draw_curves(trials, report.README.with_name("curve.png"))
         report.draw_worst(trials, report.README.with_name("worst.png"))
     return int(any(trial.failure for trial in trials))

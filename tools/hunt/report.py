@@ -20,7 +20,6 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt
 
 README = Path(__file__).with_name("README.md")
-_BEGIN, _END = "<!-- hunt: begin -->", "<!-- hunt: end -->"
 _HEADER = (
     "| rooms | flown | goal reached | unreachable | ended by a fault | collisions "
     "| no verdict | wrong verdict | raised | least clearance m | longest way / optimum "
@@ -72,14 +71,6 @@ def _row(label: str, mine: Sequence[Trial]) -> str:
         f"| {min(t.clearance_m for t in mine if t.clearance_m == t.clearance_m):.3f} "
         f"| {max(t.detour for t in mine):.2f} | {max(t.navigation_s for t in mine):.0f} |"
     )
-
-
-def renew(text: str) -> None:
-    """Put the tables between the markers of README.md."""
-    page = README.read_text(encoding="utf-8")
-    before, rest = page.split(_BEGIN)
-    _, after = rest.split(_END)
-    README.write_text(f"{before}{_BEGIN}\n\n{text}\n\n{_END}{after}", encoding="utf-8")
 
 
 def draw_curves(trials: Sequence[Trial], path: Path) -> None:

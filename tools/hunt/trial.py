@@ -11,11 +11,9 @@ from autonomy.planning import outline_hits
 from autonomy.simulation import SimulatedFlight, Simulation, goal_of, with_scenario
 from autonomy.t3drm.spherical import Route, fence_planes, shortest_path
 from hal.sim.scenario import Scenario
-from tools.bench.rooms import OUTLINE_M, passage_m
+from tools.bench.rooms import OUTLINE_M, SENSING_M, passage_m
 from tools.hunt.genome import decoded
 
-SENSING_M = 0.03
-"""What sensing may take from each side of a gap: a narrower one may read as closed."""
 _VERDICTS = (Ending.GOAL_REACHED, Ending.UNREACHABLE)
 _STOPPED = (Ending.FAILSAFE, Ending.LINK_LOST, Ending.TAKEN_OVER)
 """How a flight may end where something fails."""

@@ -8,11 +8,11 @@ python -m tools.movers [--flights N] [--first ROOM] [--speed M_S ...] [--mode st
 import argparse
 from pathlib import Path
 
+from tools import pages
 from tools.movers.campaign import Look, campaign, table
 from tools.movers.picture import draw
 
 README = Path(__file__).with_name("README.md")
-BEGIN, END = "<!-- table: python -m tools.movers --write -->\n", "<!-- end of table -->\n"
 
 
 def main() -> None:
@@ -42,10 +42,7 @@ def main() -> None:
     )
     print(table(rows))
     if options.write:
-        text = README.read_text(encoding="utf-8")
-        before, rest = text.split(BEGIN)
-        _, after = rest.split(END)
-        README.write_text(f"{before}{BEGIN}{table(rows)}\n{END}{after}", encoding="utf-8")
+        pages.renew("table", table(rows), README)
 
 
 if __name__ == "__main__":

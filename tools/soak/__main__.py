@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from tools import pages
 from tools.soak import flying
 from tools.soak.sample import Sample, growth, is_flat
 
@@ -43,7 +44,7 @@ def main(arguments: list[str] | None = None) -> int:
     text = section(title, samples)
     print(text)
     if options.write:
-        renew(options.soak, text)
+        pages.renew(options.soak, text, README)
         draw(samples, README.with_name(f"{options.soak}.png"))
     return int(not is_flat(samples))
 
@@ -73,14 +74,6 @@ def section(title: str, samples: Sequence[Sample]) -> str:
         first, last, slope = growth(samples, what)
         lines.append(f"| {label} | {first:.1f} | {last:.1f} | {slope:+.3f} |")
     return "\n".join(lines)
-
-
-def renew(which: str, text: str) -> None:
-    """Put a table between its markers in README.md."""
-    begin, end = f"<!-- {which}: begin -->", f"<!-- {which}: end -->"
-    page = README.read_text(encoding="utf-8")
-    before, rest = page.split(begin)
-    README.write_text(f"{before}{begin}\n\n{text}\n\n{end}{rest.split(end)[1]}", encoding="utf-8")
 
 
 def draw(samples: Sequence[Sample], path: Path) -> None:

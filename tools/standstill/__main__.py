@@ -15,11 +15,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from autonomy.errors import ExitCode
+from tools import pages
 from tools.standstill.faults import FAULTS, Duty, Fault
 from tools.standstill.measure import STATES, Measured, measure
 
 README = Path(__file__).with_name("README.md")
-_BEGIN, _END = "<!-- standstill: begin -->", "<!-- standstill: end -->"
 LIVING_S = 0.5
 """Where the program lives, it has to stop the vehicle within this."""
 GONE_S = 1.12 + 0.2
@@ -51,11 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
     text = section(rows)
     print(text)
     if options.write:
-        page = README.read_text(encoding="utf-8")
-        before, rest = page.split(_BEGIN)
-        README.write_text(
-            f"{before}{_BEGIN}\n\n{text}\n\n{_END}{rest.split(_END)[1]}", encoding="utf-8"
-        )
+        pages.renew("standstill", text, README)
     return int(any(row.harmed or not bound_kept(row) for row in rows))
 
 

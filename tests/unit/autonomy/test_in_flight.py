@@ -154,9 +154,8 @@ def is_ready(life: Life) -> bool:
     return life.station.phase is Phase.READY
 
 
-async def test_hold_leaves_it_in_px4s_hold_and_lands_it_when_ordered(tmp_path: Path) -> None:
-    rig = await interrupted(tmp_path)
-    assert rig.vehicle.status().mode is FlightMode.HOLD
+def landed_by_an_operator() -> Callable[[Life], bool]:
+    """Ends a life that, once ready, left the vehicle in Hold until it was told to land it."""
     ordered = False
 
     def lands(life: Life) -> bool:
@@ -167,7 +166,13 @@ async def test_hold_leaves_it_in_px4s_hold_and_lands_it_when_ordered(tmp_path: P
             ordered = True
         return ordered and life.down
 
-    await begun_anew(rig, tmp_path, "hold", lands, "PX4 holds the vehicle")
+    return lands
+
+
+async def test_hold_leaves_it_in_px4s_hold_and_lands_it_when_ordered(tmp_path: Path) -> None:
+    rig = await interrupted(tmp_path)
+    assert rig.vehicle.status().mode is FlightMode.HOLD
+    await begun_anew(rig, tmp_path, "hold", landed_by_an_operator(), "PX4 holds the vehicle")
 
 
 async def test_land_lands_it(tmp_path: Path) -> None:
@@ -357,17 +362,8 @@ async def test_a_hold_of_nobody_knows_whom_is_left_alone_until_an_operator_says_
 ) -> None:
     rig = await held_by_the_deadman(tmp_path)
     mark_path(newest_log(tmp_path)).write_text("torn")
-    ordered = False
-
-    def lands(life: Life) -> bool:
-        nonlocal ordered
-        if is_ready(life) and not ordered:
-            assert life.mode is FlightMode.HOLD
-            life.station.command(OperatorCommand.LAND)
-            ordered = True
-        return ordered and life.down
-
-    await begun_anew(rig, tmp_path, "land", lands, "a pilot or another program put it into Hold")
+    why = "a pilot or another program put it into Hold"
+    await begun_anew(rig, tmp_path, "land", landed_by_an_operator(), why)
 
 
 async def test_a_landing_that_is_refused_is_asked_for_again(tmp_path: Path) -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from hal.sim.fault_kinds import parse_fault
 from tools.doubt.flights import BEAMS, KINDS, Case, Row, faulty, fly, healthy
-from tools.doubt.report import BEGIN, END, put, tables
+from tools.doubt.report import tables
+from tools.pages import renewed
 
 
 def row(case: Case, **more: object) -> Row:
@@ -66,12 +67,14 @@ def test_endings_are_counted_and_a_collision_is_not_hidden() -> None:
 
 
 def test_tables_go_between_their_marks_and_nowhere_else() -> None:
-    page = f"head\n{BEGIN}\nold\n{END}\ntail\n"
-    assert put(page, "new") == f"head\n{BEGIN}\n\nnew\n\n{END}\ntail\n"
-    with pytest.raises(ValueError, match="no <!-- tables"):
-        put("head", "new")
+    begin, end = "<!-- tables: begin -->", "<!-- tables: end -->"
+    page = f"head\n{begin}\nold\n{end}\ntail\n"
+    assert renewed(page, "tables", "new") == f"head\n{begin}\n\nnew\n\n{end}\ntail\n"
+    with pytest.raises(ValueError, match="no place for tables: the markers <!-- tables"):
+        renewed("head", "tables", "new")
 
 
 def test_the_page_has_the_marks() -> None:
     page = Path(__file__).parents[3] / "autonomy" / "perception" / "doubt" / "README.md"
-    assert END in put(page.read_text(encoding="utf-8"), "new")
+    renewed_page = renewed(page.read_text(encoding="utf-8"), "tables", "new")
+    assert "new\n\n<!-- tables: end -->" in renewed_page
