@@ -2,29 +2,33 @@
 
 import pytest
 
-from hal.sim.scenario import Scenario, load_scenario
-from tools.bench.wide import fly
+from autonomy.config import Config
+from autonomy.simulation import SimulatedFlight, Simulation, goal_of, with_scenario
+from hal.sim.scenario import load_scenario
 
 HALF_ANGLE_DEG = 12.5
 
 
-def wide(name: str) -> Scenario:
+def fly(name: str, mode: str) -> SimulatedFlight:
     scenario = load_scenario(name)
     cone = scenario.beams.model_copy(update={"half_angle_deg": HALF_ANGLE_DEG})
-    return scenario.model_copy(update={"beams": cone})
+    scenario = scenario.model_copy(update={"beams": cone})
+    asked = Config.model_validate({"mission": {"replan": {"mode": mode}}})
+    config = with_scenario(asked, scenario)
+    return Simulation(scenario, config, (goal_of(scenario, config),)).run()
 
 
 @pytest.mark.parametrize(
     ("name", "mode"), [("default", "stop"), ("door", "rolling"), ("u_trap", "rolling")]
 )
 def test_wide_beams_reach_the_goal_untouched(name: str, mode: str) -> None:
-    flight = fly(wide(name), mode)
-    assert flight.ending == "goal_reached"
+    flight = fly(name, mode)
+    assert flight.outcome.ending.value == "goal_reached"
     assert not flight.collided
-    assert flight.clearance_m > 0.16
+    assert flight.true_clearance_m > 0.16
 
 
 def test_wide_beams_say_rightly_that_a_goal_cannot_be_reached() -> None:
-    flight = fly(wide("sealed"), "rolling")
-    assert flight.ending == "unreachable"
+    flight = fly("sealed", "rolling")
+    assert flight.outcome.ending.value == "unreachable"
     assert not flight.collided

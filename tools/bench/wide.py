@@ -1,34 +1,43 @@
 """Fly the BARN worlds with thin and with wide beams, and compare.
 
 python -m tools.bench.wide --barn FOLDER [--half-angle DEG ...] [--mode rolling|stop] [--worlds N]
+                           [--seeds N] [--rows FILE] [--jobs N] [--write]
 
 FOLDER holds worlds.json: index -> list of [x, y], centres of cylinders (tools/bench/README.md).
 """
 
 import argparse
+import functools
 import statistics
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+
+import msgspec
 
 from autonomy.config import Config
 from autonomy.simulation import Simulation, goal_of, with_scenario
-from autonomy.warm import warm_up
 from hal.config import Fence
 from hal.sim.scenario import BeamSimulation, Disc, Scenario
+from tools import campaign, pages
 from tools.bench.maps import BARN_RADIUS_M, Map, barn_maps
 
+README = Path(__file__).parents[2] / "autonomy" / "perception" / "README.md"
 REACHED = "goal_reached"
 
 
-@dataclass(frozen=True)
-class Flight:
-    """One flight, small enough to travel between processes."""
+class Case(msgspec.Struct, frozen=True):
+    """One flight to be flown."""
 
     world: str
     seed: int
     half_angle_deg: float
+    mode: str
+
+
+class Flight(msgspec.Struct, frozen=True):
+    """What came of it."""
+
+    case: Case
     ending: str
     collided: bool
     clearance_m: float
@@ -57,15 +66,14 @@ def barn_scenario(world: Map, half_angle_deg: float) -> Scenario:
     )
 
 
-def fly(scenario: Scenario, mode: str, seed: int = 0) -> Flight:
-    """One flight to the scenario's goal."""
-    asked = Config.model_validate({"mission": {"replan": {"mode": mode}}})
+def fly(case: Case, worlds: Mapping[str, Map]) -> Flight:
+    """One flight to the goal of one of `worlds`, by their names; deterministic."""
+    scenario = barn_scenario(worlds[case.world], case.half_angle_deg)
+    asked = Config.model_validate({"mission": {"replan": {"mode": case.mode}}})
     config = with_scenario(asked, scenario)
-    flight = Simulation(scenario, config, (goal_of(scenario, config),), seed).run()
+    flight = Simulation(scenario, config, (goal_of(scenario, config),), case.seed).run()
     return Flight(
-        scenario.name,
-        seed,
-        scenario.beams.half_angle_deg,
+        case,
         flight.outcome.ending.value,
         flight.collided,
         flight.true_clearance_m,
@@ -77,29 +85,21 @@ def fly(scenario: Scenario, mode: str, seed: int = 0) -> Flight:
     )
 
 
-def campaign(
-    worlds: Sequence[Map], half_angles_deg: Iterable[float], mode: str, seeds: range, jobs: int
-) -> list[Flight]:
-    """Fly every world with every angle and seed; what went wrong is named as it comes."""
-    warm_up()
-    flights = []
-    with ProcessPoolExecutor(jobs) as pool:
-        futures = [
-            pool.submit(fly, barn_scenario(world, angle), mode, seed)
-            for angle in half_angles_deg
-            for world in worlds
-            for seed in seeds
-        ]
-        for future in futures:
-            flight = future.result()
-            flights.append(flight)
-            if flight.collided or flight.ending != REACHED:
-                print(
-                    f"{flight.world}, {flight.half_angle_deg:g} deg, seed {flight.seed}: "
-                    f"{flight.ending}, clearance {flight.clearance_m:.3f} m",
-                    flush=True,
-                )
-    return flights
+def cases(
+    worlds: Iterable[str], half_angles_deg: Sequence[float], mode: str, seeds: range
+) -> Iterator[Case]:
+    """Every world with every seed and angle."""
+    for world in worlds:
+        for seed in seeds:
+            for angle in half_angles_deg:
+                yield Case(world, seed, angle, mode)
+
+
+def wrong(flight: Flight) -> str:
+    """What was not as it should be; "" if nothing was."""
+    if flight.collided or flight.ending != REACHED:
+        return f"{flight.ending}, clearance {flight.clearance_m:.3f} m"
+    return ""
 
 
 def table(flights: Sequence[Flight]) -> str:
@@ -111,12 +111,12 @@ def table(flights: Sequence[Flight]) -> str:
         ),
         f"|{'---|' * 9}",
     ]
-    angles = list(dict.fromkeys(flight.half_angle_deg for flight in flights))
-    first = {(f.world, f.seed): f for f in flights if f.half_angle_deg == angles[0]}
+    angles = list(dict.fromkeys(flight.case.half_angle_deg for flight in flights))
+    first = {(f.case.world, f.case.seed): f for f in flights if f.case.half_angle_deg == angles[0]}
     for angle in angles:
-        mine = [flight for flight in flights if flight.half_angle_deg == angle]
+        mine = [flight for flight in flights if flight.case.half_angle_deg == angle]
         good = [flight for flight in mine if flight.ending == REACHED]
-        pairs = [(f, first[f.world, f.seed]) for f in good]
+        pairs = [(f, first[f.case.world, f.case.seed]) for f in good]
         ratios = sorted(
             f.navigation_s / thin.navigation_s for f, thin in pairs if thin.ending == REACHED
         ) or [float("nan")]
@@ -132,9 +132,11 @@ def table(flights: Sequence[Flight]) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     """Parse, fly, print."""
-    parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.bench.wide", description=__doc__, allow_abbrev=False
+    )
     parser.add_argument("--barn", type=Path, required=True, help="folder with worlds.json")
     parser.add_argument(
         "--half-angle", type=float, action="append", help="degrees; 0, 5 and 12.5 if absent"
@@ -143,12 +145,24 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=1000, help="the first so many only")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--rows", type=Path, help="keep what was flown here, one JSON line each")
     parser.add_argument("--jobs", type=int, default=1)
-    options = parser.parse_args()
-    worlds = barn_maps(options.barn)[: options.worlds]
+    parser.add_argument("--write", action="store_true", help="into autonomy/perception/README.md")
+    options = parser.parse_args(argv)
+    worlds = {world.name: world for world in barn_maps(options.barn)[: options.worlds]}
     seeds = range(options.first_seed, options.first_seed + options.seeds)
-    angles = options.half_angle or [0.0, 5.0, 12.5]
-    print(table(campaign(worlds, angles, options.mode, seeds, options.jobs)))
+    flights = campaign.flown(
+        cases(worlds, options.half_angle or [0.0, 5.0, 12.5], options.mode, seeds),
+        functools.partial(fly, worlds=worlds),
+        Flight,
+        kept=options.rows,
+        jobs=options.jobs,
+        wrong=wrong,
+    )
+    found = table(flights)
+    print(found)
+    if options.write:
+        pages.renew(f"wide {options.mode}", found, README)
 
 
 if __name__ == "__main__":

@@ -2,16 +2,15 @@
 
 import math
 import statistics
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from enum import StrEnum
+
+import msgspec
 
 from autonomy.config import Config
 from autonomy.geometry import Point
 from autonomy.model import Command, MissionState
 from autonomy.simulation import Simulation, goal_of, with_scenario
-from autonomy.warm import warm_up
 from hal.sim.movers import Itinerary
 from hal.sim.scenario import Scenario
 from hal.sim.world import Contact
@@ -24,12 +23,27 @@ TIME_LIMIT_S = 300.0
 REACH_M = 1.0
 
 
-@dataclass(frozen=True)
-class Row:
-    """One flight. `hits` are those while the pilot steered: (moved into it, avoidable)."""
+class Look(StrEnum):
+    """How movers are looked for."""
+
+    EXPECTED = "expected"  # fast and with short memory from the start on
+    DEFAULT = "default"  # only once something new was seen
+    BLIND = "blind"  # not at all
+
+
+class Case(msgspec.Struct, frozen=True):
+    """One flight to be flown: room `number` with movers at that speed."""
 
     number: int
     speed_m_s: float
+    mode: str = "stop"
+    look: Look = Look.EXPECTED
+
+
+class Row(msgspec.Struct, frozen=True):
+    """What came of it. `hits` are those while the pilot steered: (moved into it, avoidable)."""
+
+    case: Case
     ending: str
     hits: tuple[tuple[bool, bool], ...]
     hits_by_px4: int
@@ -38,14 +52,6 @@ class Row:
     simulated_s: float
     wall_s: float
     doubted: bool = False
-
-
-class Look(StrEnum):
-    """How movers are looked for."""
-
-    EXPECTED = "expected"  # fast and with short memory from the start on
-    DEFAULT = "default"  # only once something new was seen
-    BLIND = "blind"  # not at all
 
 
 def configuration(scenario: Scenario, mode: str, look: Look = Look.EXPECTED) -> Config:
@@ -57,10 +63,10 @@ def configuration(scenario: Scenario, mode: str, look: Look = Look.EXPECTED) -> 
     return with_scenario(Config.model_validate(document), scenario)
 
 
-def fly(number: int, speed_m_s: float, mode: str = "stop", look: Look = Look.EXPECTED) -> Row:
-    """One flight through room `number`."""
-    scenario = world(number, speed_m_s)
-    config = configuration(scenario, mode, look)
+def fly(case: Case) -> Row:
+    """One flight; deterministic."""
+    scenario = world(case.number, case.speed_m_s)
+    config = configuration(scenario, case.mode, case.look)
     flown: list[tuple[float, Point]] = []
     evasions = 0
     doubted = False
@@ -72,11 +78,12 @@ def fly(number: int, speed_m_s: float, mode: str = "stop", look: Look = Look.EXP
         evasions += sum(event.name == "make_way" for event in command.decision.events)
         doubted = doubted or bool(command.decision.doubts)
 
-    flight = Simulation(scenario, config, (goal_of(scenario, config),), number).run(on_tick=note)
+    flight = Simulation(scenario, config, (goal_of(scenario, config),), case.number).run(
+        on_tick=note
+    )
     steered = [c for state, c in flight.contacts if state not in NOT_STEERED]
     return Row(
-        number,
-        speed_m_s,
+        case,
         flight.outcome.ending.value,
         tuple((c.moved_into(), avoidable(scenario, config, flown, c)) for c in steered),
         len(flight.contacts) - len(steered),
@@ -108,19 +115,13 @@ def avoidable(
     return is_avoidable(scenario, from_s, place, hit.stamp_s, config.guidance.speed_max_m_s)
 
 
-def campaign(
-    speeds: Iterable[float],
-    rooms: Sequence[int],
-    jobs: int,
-    mode: str = "stop",
-    look: Look = Look.EXPECTED,
-) -> list[Row]:
+def cases(
+    speeds: Iterable[float], rooms: Sequence[int], mode: str = "stop", look: Look = Look.EXPECTED
+) -> Iterator[Case]:
     """All `rooms` at every speed."""
-    warm_up()
-    cases = [(number, speed) for speed in speeds for number in rooms]
-    with ProcessPoolExecutor(jobs) as pool:
-        futures = [pool.submit(fly, number, speed, mode, look) for number, speed in cases]
-        return [future.result() for future in futures]
+    for speed_m_s in speeds:
+        for number in rooms:
+            yield Case(number, speed_m_s, mode, look)
 
 
 def table(rows: Sequence[Row]) -> str:
@@ -133,8 +134,8 @@ def table(rows: Sequence[Row]) -> str:
         ),
         f"|{'---|' * 11}",
     ]
-    for speed in dict.fromkeys(row.speed_m_s for row in rows):
-        mine = [row for row in rows if row.speed_m_s == speed]
+    for speed in dict.fromkeys(row.case.speed_m_s for row in rows):
+        mine = [row for row in rows if row.case.speed_m_s == speed]
         hits = [hit for row in mine for hit in row.hits]
         times = sorted(row.navigation_s for row in mine)
         struck = sum(bool(row.hits) for row in mine)

@@ -1,15 +1,17 @@
 """The benchmark of wide beams on BARN worlds: its scenarios, its flights in small, its table."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from tools.bench.maps import barn_maps
-from tools.bench.wide import Flight, barn_scenario, campaign, table
+from tools.bench.wide import Case, Flight, barn_scenario, cases, main, table, wrong
 
-FLIGHT = Flight("BARN 0", 0, 0.0, "goal_reached", False, 0.21, 10.2, 50.0, 5, 0.5, 60.0)
+THIN = Case("BARN 0", 0, 0.0, "rolling")
+WIDE = replace(THIN, half_angle_deg=12.5)
+FLIGHT = Flight(THIN, "goal_reached", False, 0.21, 10.2, 50.0, 5, 0.5, 60.0)
 
 
 def test_a_world_is_moved_so_that_the_vehicle_takes_off_at_the_origin(tmp_path: Path) -> None:
@@ -26,20 +28,37 @@ def test_a_world_is_moved_so_that_the_vehicle_takes_off_at_the_origin(tmp_path: 
 
 
 def test_the_table_compares_each_angle_with_the_first() -> None:
-    wide = [
-        replace(FLIGHT, half_angle_deg=12.5, navigation_s=60.0),
-        replace(FLIGHT, half_angle_deg=12.5, world="BARN 3", ending="unreachable", collided=True),
-    ]
-    lines = table([FLIGHT, replace(FLIGHT, world="BARN 3"), *wide]).splitlines()
+    missed = replace(
+        FLIGHT, case=replace(WIDE, world="BARN 3"), ending="unreachable", collided=True
+    )
+    lines = table(
+        [
+            FLIGHT,
+            replace(FLIGHT, case=replace(THIN, world="BARN 3")),
+            replace(FLIGHT, case=WIDE, navigation_s=60.0),
+            missed,
+        ]
+    ).splitlines()
     assert lines[2].startswith("| 0 deg | 2 | 100.0 % | 0 | 0 | 0.210 | 1.000, 1.000, 1.00 |")
     assert lines[3].startswith("| 12.5 deg | 2 | 50.0 % | 1 | 1 | 0.210 | 1.200, 1.200, 1.20 |")
+    assert wrong(missed) == "unreachable, clearance 0.210 m"
+    assert wrong(FLIGHT) == ""
+
+
+def test_a_campaign_pairs_every_world_and_seed_with_every_angle() -> None:
+    asked = list(cases(("BARN 0", "BARN 3"), (0.0, 12.5), "stop", range(4, 6)))
+    assert len(set(asked)) == 8
+    assert asked[:2] == [Case("BARN 0", 4, 0.0, "stop"), Case("BARN 0", 4, 12.5, "stop")]
 
 
 def test_a_small_campaign_flies_every_angle_and_has_nothing_to_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "worlds.json").write_text(json.dumps({"0": [[-2.25, 6.0]]}))
-    flights = campaign(barn_maps(tmp_path), (0.0, 12.5), "rolling", range(1), 1)
-    assert [f.half_angle_deg for f in flights] == [0.0, 12.5]
-    assert {f.ending for f in flights} == {"goal_reached"}
-    assert capsys.readouterr().out == ""
+    main(["--barn", str(tmp_path), "--half-angle", "0", "--half-angle", "12.5"])
+    told = capsys.readouterr()
+    assert [line.split("|")[1:4] for line in told.out.splitlines()[2:]] == [
+        [" 0 deg ", " 1 ", " 100.0 % "],
+        [" 12.5 deg ", " 1 ", " 100.0 % "],
+    ]
+    assert told.err == ""

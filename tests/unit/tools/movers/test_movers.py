@@ -59,10 +59,12 @@ def test_rooms_are_the_same_at_every_speed_and_nobody_walks_through_what_stands(
 
 
 def test_a_campaign_counts_what_happened() -> None:
-    row = campaign.fly(9, 0.2)
+    row = campaign.fly(campaign.Case(9, 0.2))
     assert row.ending == "goal_reached"
     assert row.hits == ()
-    hit = campaign.Row(1, 0.2, "goal_reached", ((False, True), (True, False)), 1, 3, 50.0, 60, 1)
+    hit = campaign.Row(
+        campaign.Case(1, 0.2), "goal_reached", ((False, True), (True, False)), 1, 3, 50.0, 60, 1
+    )
     lines = campaign.table([row, hit]).splitlines()
     assert len(lines) == 3
     assert lines[2].startswith("| 0.2 m/s | 2 | 1 (50.0 %) | 2 | 1 | 1 | 1 | 2 | 0 |")
