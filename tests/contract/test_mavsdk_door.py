@@ -219,7 +219,7 @@ async def test_closing_waits_for_what_was_asked(px4: EmbeddedPx4) -> None:
         await ask_and_give_up(vehicle)
         await vehicle.close()
     assert (await vehicle.open(15.0)).system_id == 1
-    await fall_silent(px4.pid or 0)
+    await asyncio.to_thread(silence, px4.pid or 0)
     await ask_and_give_up(vehicle)
     closing = asyncio.get_running_loop().create_task(vehicle.close())
     # Nobody answers: the library gives the request up, and only then is the link taken down.
@@ -229,11 +229,11 @@ async def test_closing_waits_for_what_was_asked(px4: EmbeddedPx4) -> None:
     await closing
 
 
-async def fall_silent(pid: int) -> None:
+def silence(pid: int) -> None:
     """Stop a process; it may still speak until the scheduler says that it is stopped."""
     os.kill(pid, signal.SIGSTOP)
     while Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "T":
-        await asyncio.sleep(0.01)
+        time.sleep(0.01)
 
 
 async def test_requests_over_a_closed_link_are_refused_in_words() -> None:
