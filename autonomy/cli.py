@@ -541,14 +541,14 @@ def serve(
     if scenario is not None and connection is not None:
         raise click.UsageError("--sim and --connection exclude each other: simulated or real?")
     try:
-        from autonomy import serving
+        from autonomy.serving import composition
     except ModuleNotFoundError as error:
         raise click.UsageError(
             f"{error.name} is not installed; the service needs: pip install 'autonomy[service]'"
         ) from None
     context.exit(
-        serving.serve(
-            serving.ServeOptions(
+        composition.serve(
+            composition.ServeOptions(
                 config_path=config_path,
                 scenario=scenario,
                 connection=connection,

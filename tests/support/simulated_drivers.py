@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from autonomy.config import Config
-from autonomy.serving import Drivers
+from autonomy.serving.parts import Drivers
 from hal.clock import SimClock
 from hal.drops import Dropped, Drops
 from hal.errors import ConnectionFailed

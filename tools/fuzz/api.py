@@ -20,7 +20,7 @@ from autonomy.service.contract import MissionOrder, Phase
 from autonomy.service.metrics import Metrics
 from autonomy.service.openapi import document
 from autonomy.service.station import Instant, Station
-from autonomy.serving import Desk
+from autonomy.serving.desk import Desk
 from hal.readings import FlightMode, LandedState, VehicleStatus
 from tools.fuzz.cases import Tally, Target, lines, require, spoilt
 

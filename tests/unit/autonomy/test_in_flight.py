@@ -29,7 +29,9 @@ from autonomy.service.contract import MissionOrder, MissionStatus, Phase
 from autonomy.service.metrics import Metrics
 from autonomy.service.station import Station
 from autonomy.service.systemd import Notifier
-from autonomy.serving import Desk, Service, shifted
+from autonomy.serving.desk import Desk, shifted
+from autonomy.serving.parts import Parts
+from autonomy.serving.service import Service
 from autonomy.simulation import with_scenario
 from hal.config import Fence
 from hal.frames import Vector3
@@ -59,7 +61,8 @@ class Life:
         desk.station = self.station
         metrics, drivers = Metrics(self.station), self.rig.drivers()
         notifier = Notifier({})
-        self.service = Service(self.config, desk, self.station, metrics, notifier, drivers)
+        parts = Parts(self.config, desk, self.station, metrics, notifier, drivers)
+        self.service = Service(parts)
 
     async def until(self, holds: Callable[[], bool]) -> None:
         for _ in range(TURNS):

@@ -15,7 +15,9 @@ from autonomy.service.contract import MissionOrder, MissionRecord, MissionStatus
 from autonomy.service.metrics import Metrics
 from autonomy.service.station import Station
 from autonomy.service.systemd import Notifier
-from autonomy.serving import Desk, Service, shifted
+from autonomy.serving.desk import Desk, shifted
+from autonomy.serving.parts import Parts
+from autonomy.serving.service import Service
 from autonomy.simulation import with_scenario
 from hal.readings import FlightMode, LandedState
 from hal.setpoints import Reply, Request, RequestKind
@@ -30,7 +32,9 @@ TURNS = 40_000
 class Stage:
     """A service around a rig, with words for what tests do to it."""
 
-    def __init__(self, folder: Path, scenario: str = "empty") -> None:
+    def __init__(
+        self, folder: Path, scenario: str = "empty", notifier: Notifier | None = None
+    ) -> None:
         world = load_scenario(scenario)
         config = with_scenario(Config(), world)
         self.config = config.model_copy(
@@ -44,9 +48,10 @@ class Stage:
         self.station = Station(self.config, desk.check)
         desk.station = self.station
         self.metrics = Metrics(self.station)
-        self.service = Service(
-            self.config, desk, self.station, self.metrics, Notifier({}), self.rig.drivers()
-        )
+        notifier = notifier or Notifier({})
+        drivers = self.rig.drivers()
+        self.parts = Parts(self.config, desk, self.station, self.metrics, notifier, drivers)
+        self.service = Service(self.parts)
 
     async def until_true(self, holds: Callable[[], bool]) -> None:
         for _ in range(TURNS):
@@ -207,7 +212,7 @@ async def test_ending_the_service_in_flight_lands_first(tmp_path: Path) -> None:
 
     def end_in_the_air() -> None:
         drawn = stage.station.drawn
-        if drawn is not None and len(drawn.track) == 12 and not stage.service._ending.is_set():
+        if drawn is not None and len(drawn.track) == 12 and not stage.parts.ending.is_set():
             stage.service.stop()
 
     stage.rig.at_tick = end_in_the_air
@@ -265,9 +270,9 @@ async def test_what_the_service_left_in_the_air_is_not_its_own_once_a_pilot_swit
         await stage.until(Phase.READY)
         record = await stage.fly(MissionOrder(goals=([1.0, 0.0],), land=False))
         assert record.ending == "goal_reached"
-        assert stage.service._left_in_air is not None
+        assert stage.service.attendant.left.custody is not None
         autopilot.take_over(Mode.POSITION)
-        await stage.until_true(lambda: stage.service._left_in_air is None)
+        await stage.until_true(lambda: stage.service.attendant.left.custody is None)
         autopilot.take_over(Mode.HOLD)
         asked = asks(stage)
         for command in (OperatorCommand.LAND, OperatorCommand.HOLD):
@@ -381,8 +386,8 @@ class Heard(Notifier):
 async def test_the_watchdog_is_fed_while_a_vehicle_is_brought_down_after_a_defect(
     tmp_path: Path,
 ) -> None:
-    stage, heard = Stage(tmp_path), Heard()
-    stage.service._notifier = heard
+    heard = Heard()
+    stage = Stage(tmp_path, notifier=heard)
     vehicle, clock = stage.rig.vehicle, stage.rig.clock
     broken_s = 0.0
 

@@ -1,0 +1,172 @@
+"""A vehicle that is not flown: looked at, kept in the service's frame, and, where this service left
+it in the air, ordered about.
+"""
+
+import math
+
+from autonomy import in_flight
+from autonomy.custody import Custody
+from autonomy.flight import bring_down
+from autonomy.geometry import Point
+from autonomy.model import OperatorCommand
+from autonomy.service.contract import Phase
+from autonomy.service.station import Instant
+from autonomy.serving.parts import Connected, Parts
+from hal.drops import dropped_by
+from hal.errors import ConnectionFailed
+from hal.frames import ZERO3, Vector3, add, subtract
+from hal.readings import FlightMode, LandedState, LocalPosition, RangeReading, VehicleStatus
+from hal.setpoints import Request, RequestKind
+
+_JUMP_M = 0.3
+"""A vehicle on the ground does not move this far between two looks: its frame jumped."""
+
+
+class ServiceFrame:
+    """Where the service's frame lies in the autopilot's local frame."""
+
+    def __init__(self) -> None:
+        self._origin_ned_m: Vector3 | None = None
+        """None until a mission was armed."""
+        self._last: LocalPosition | None = None
+
+    def forget(self) -> None:
+        """Another vehicle, or one that was away: a new frame begins where it stands."""
+        self._origin_ned_m, self._last = None, None
+
+    def landed(self, home_ned_m: Vector3, offset: Point, position: LocalPosition | None) -> None:
+        """A mission is over whose pilot's frame began at `home_ned_m`, `offset` in this frame."""
+        self._origin_ned_m = (home_ned_m[0] - offset[0], home_ned_m[1] - offset[1], home_ned_m[2])
+        self._last = position
+
+    def follow(self, position: LocalPosition | None, *, on_ground: bool) -> None:
+        """On the ground only the frame moves: where it jumps, the service's frame jumps along."""
+        last, self._last = self._last, position
+        if last is None or position is None or self._origin_ned_m is None:
+            return
+        jump = subtract(position.position_ned_m, last.position_ned_m)
+        reset = position.reset_counter != last.reset_counter
+        if on_ground and (reset or math.hypot(*jump) > _JUMP_M):
+            self._origin_ned_m = add(self._origin_ned_m, jump)
+
+    def origin(self, position: LocalPosition | None) -> Vector3:
+        """The origin; before the first mission it is where the vehicle stands."""
+        if self._origin_ned_m is not None:
+            return self._origin_ned_m
+        return position.position_ned_m if position is not None else ZERO3
+
+
+class LeftInAir:
+    """What a mission of this service, or of its last life, left flying."""
+
+    def __init__(self) -> None:
+        self.custody: Custody | None = None
+        """None when it landed, or somebody else chose its mode."""
+        self.proved_ours = False
+        """A log proves that the vehicle in the air is this service's: it obeys an operator's order
+        also where Hold may be a pilot's."""
+
+    def see(self, status: VehicleStatus) -> None:
+        """Let go of a vehicle that is down, or in a mode that somebody else chose."""
+        down = status.landed is LandedState.ON_GROUND and not status.armed
+        if down or (self.custody is not None and not self.custody.holds(status.mode)):
+            self.custody = None
+        self.proved_ours = self.proved_ours and not down
+
+    def ordered(self, mode: FlightMode) -> Custody | None:
+        """The custody by which an order is obeyed; None where it is not this service's to obey."""
+        left = self.custody
+        if left is not None and left.holds(mode):
+            return left
+        if self.proved_ours and mode in in_flight.OBEYED_IN:
+            return held_for_us()
+        return None
+
+
+def held_for_us() -> Custody:
+    """Custody of a vehicle that PX4 holds for this service."""
+    custody = Custody()
+    custody.adopt(RequestKind.HOLD)
+    return custody
+
+
+class Attendant:
+    """Looks after whatever vehicle is connected while nothing is flown."""
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+        self.frame = ServiceFrame()
+        self.left = LeftInAir()
+        self._readings: dict[str, RangeReading] = {}
+        self._ready_told = False
+
+    def meet(self, connected: Connected) -> None:
+        """A vehicle answers: what was known of the last one is forgotten."""
+        self.frame.forget()
+        self._readings.clear()
+        drivers = (connected.vehicle, *connected.sensors, connected.gnss)
+        self._parts.station.dropped = lambda: dropped_by(drivers)
+
+    def ready(self, connected: Connected) -> None:
+        """Say that a mission may come; systemd's watchdog counts from the first time."""
+        if self._parts.ending.is_set():
+            return
+        facts = connected.facts
+        self._parts.enter(Phase.READY, f"{facts.autopilot} {facts.version} is ready for a mission")
+        if not self._ready_told:
+            self._ready_told = True
+            self._parts.notifier.ready()
+
+    def look(self, connected: Connected) -> None:
+        """One look; raises ConnectionFailed when it fell silent."""
+        vehicle, station, config = connected.vehicle, self._parts.station, self._parts.config
+        status = vehicle.status()
+        if status.link_age_s > config.service.reconnect_after_s:
+            raise ConnectionFailed(
+                f"the vehicle on {config.vehicle.connection} fell silent; check its power "
+                "and its link"
+            )
+        for sensor in connected.sensors:
+            for reading in sensor.take():
+                self._readings[reading.beam] = reading
+        for text in vehicle.take_texts():
+            station.tell("px4", f"PX4: {text.text}")
+        position = vehicle.local_position()
+        on_ground = status.landed is LandedState.ON_GROUND or not status.armed
+        self.frame.follow(position, on_ground=on_ground)
+        self.left.see(status)
+        station.at_rest(
+            Instant(
+                now_s=self._parts.drivers.clock.now_s(),
+                status=status,
+                readings=dict(self._readings),
+                position=position,
+                attitude=vehicle.attitude(),
+                origin_ned_m=self.frame.origin(position),
+            )
+        )
+
+    async def obey(self, command: OperatorCommand, connected: Connected) -> None:
+        """Commands while nothing is flown: they matter only for what this service left in the air.
+
+        A vehicle that somebody else flies is not this service's to stop.
+        """
+        tell = self._parts.station.tell
+        left = self.left.ordered(connected.vehicle.status().mode)
+        if left is None:
+            tell("refused", f"{command.value}: nothing is flown by this service")
+            return
+        if command is OperatorCommand.RESUME:
+            tell("refused", "resume: the mission is over; begin a new one")
+            return
+        self.left.custody = left
+        kind = RequestKind.LAND if command is OperatorCommand.LAND else RequestKind.HOLD
+        left.asked(kind)
+        reply = await connected.vehicle.execute(Request(kind))
+        said = "accepted" if reply.accepted else reply.reason
+        tell(command.value, f"{kind.value} in Hold: {said}")
+
+    async def part(self, connected: Connected) -> None:
+        """The service ends: what it left in the air is landed."""
+        if self.left.custody is not None:
+            await bring_down(connected.vehicle, self._parts.config, self.left.custody)
