@@ -20,6 +20,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
+import msgspec
 from mavsdk.autopilot import Autopilot
 from mavsdk.component_type import ComponentType
 from mavsdk.connection_result import ConnectionResult
@@ -52,6 +53,7 @@ from hal.readings import (
     VehicleStatus,
 )
 from hal.setpoints import Reply, Request, RequestKind, Setpoint
+from hal.vehicle.setpoint_sender import SetpointSender
 from hal.vehicle.telemetry import AUTOPILOT_COMPONENT, Telemetry
 
 _LOG = logging.getLogger(__name__)
@@ -81,6 +83,9 @@ MESSAGE_INTERVALS_US = {245: 200_000, 331: 33_333, 132: 40_000, 436: 50_000}
 CURRENT_MODE: PX4 looks so often whether the mode has changed, and sends it then (else twice a
 second). HEARTBEAT, which tells the mode as well, stays at 1 Hz: PX4 refuses another rate.
 """
+
+_OFFBOARD_FOLLOWS = frozenset({FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD})
+"""Modes that this program asked for, or that PX4 goes to by itself at the end of a take-off."""
 
 _HEARTBEATS_WAITED_FOR = 2  # one a second
 _SET_MESSAGE_INTERVAL = 511
@@ -118,45 +123,6 @@ class _Link:
     parameters: dict[str, float] = field(default_factory=dict)
 
 
-class _Setpoints:
-    """A thread that puts the newest setpoint on the wire; older ones are forgotten."""
-
-    def __init__(self, put_on_wire: Callable[[Setpoint], None]) -> None:
-        self._put_on_wire = put_on_wire
-        self._newest: Setpoint | None = None
-        self._change = threading.Condition()
-        self._closing = False
-        self._thread = threading.Thread(target=self._run, name="setpoints", daemon=True)
-        self._thread.start()
-
-    def send(self, setpoint: Setpoint) -> None:
-        with self._change:
-            self._newest = setpoint
-            self._change.notify()
-
-    def forget(self) -> None:
-        """Drop what has not left yet."""
-        with self._change:
-            self._newest = None
-
-    def close(self) -> None:
-        with self._change:
-            self._closing = True
-            self._change.notify()
-        self._thread.join()
-
-    def _run(self) -> None:
-        while True:
-            with self._change:
-                while self._newest is None and not self._closing:
-                    self._change.wait()
-                if self._closing:
-                    return
-                setpoint, self._newest = self._newest, None
-            if setpoint is not None:
-                self._put_on_wire(setpoint)
-
-
 class MavsdkVehicle:
     """`hal.interfaces.Vehicle` over MAVSDK, and a `hal.interfaces.MessageSource` for drivers.
 
@@ -175,7 +141,7 @@ class MavsdkVehicle:
         self._mavsdk: Mavsdk | None = None
         self._link: _Link | None = None
         self._worker: ThreadPoolExecutor | None = None
-        self._setpoints: _Setpoints | None = None
+        self._setpoints: SetpointSender | None = None
         self._answers = threading.Condition()
         self._unanswered: set[object] = set()
         """Requests that the library has not called back for."""
@@ -184,6 +150,7 @@ class MavsdkVehicle:
         self._drops = Drops()
         self._telemetry = self._new_telemetry()
         self._stop_place: LocalPosition | None = None
+        """Where the present stop began. Touched by whoever puts a setpoint on the wire."""
         self.unsent = 0
         """Setpoints and messages that met a closed link or that the library refused."""
 
@@ -225,7 +192,7 @@ class MavsdkVehicle:
         self._system_id = system.get_system_id()
         self._telemetry, self._stop_place = self._new_telemetry(), None
         link = await loop.run_in_executor(worker, self._plug_in, mavsdk, system)
-        self._setpoints = _Setpoints(self._put_on_wire)
+        self._setpoints = SetpointSender(self._put_newest)
         self._ask_for_rates()
         while not self._telemetry.heard_heartbeat:  # noqa: ASYNC110 - the cell's writer knows no event loop
             await asyncio.sleep(_POLL_S)
@@ -403,8 +370,9 @@ class MavsdkVehicle:
 
         TAKEOFF writes MIS_TAKEOFF_ALT first when it differs from the wanted altitude (a vehicle
         without a global position knows no other way). OFFBOARD sends a setpoint of the current
-        place first and is refused without one. Never raises for what the vehicle does or does not
-        answer. Cancelling stops the waiting, not the request.
+        place first and is refused without one; so it is when the vehicle is disarmed, or in a mode
+        that a pilot or PX4 chose since (PX4 would take it out of any). Never raises for what the
+        vehicle does or does not answer. Cancelling stops the waiting, not the request.
         """
         asked_s = self._clock.now_s()
         try:
@@ -453,10 +421,15 @@ class MavsdkVehicle:
         return await self._act(lambda link: link.action.takeoff_async)
 
     async def _start_offboard(self) -> str | None:
-        here = self._here()
-        if here is None:
+        status = self.status()
+        if not status.armed:
+            return "the vehicle is not armed"
+        if status.mode not in _OFFBOARD_FOLLOWS:
+            return f"the vehicle is in {status.mode.value} by another's choice"
+        setpoints, here = self._setpoints, self._here()
+        if here is None or setpoints is None:
             return "its local position is not known, which OFFBOARD needs"
-        self._put_on_wire(here)
+        setpoints.instead(lambda: self._put_newest(here[1]))
         return await self._act(lambda link: link.offboard.start_async)
 
     async def _act(
@@ -559,7 +532,6 @@ class MavsdkVehicle:
         MAVSDK repeats the last one every 50 ms until the vehicle is seen in another mode for 3 s,
         or the link is closed: hence the deadman.
         """
-        self._stop_place = None
         setpoints = self._setpoints
         if setpoints is None:
             self.unsent += 1
@@ -573,13 +545,20 @@ class MavsdkVehicle:
         autopilot's frame jumped. Without a fresh position the velocity alone becomes zero.
         """
         setpoints = self._setpoints
-        if setpoints is not None:
-            setpoints.forget()
-        here = self._here(keep=True)
-        if here is not None:
-            self._put_on_wire(here)
-        else:
+        if setpoints is None:
+            self.unsent += 1
+            return
+        setpoints.instead(self._put_stop)
+
+    def _put_stop(self) -> None:
+        here, place = self._here(), self._stop_place
+        if here is None:
             self._put_zero_velocity()
+            return
+        position, setpoint = here
+        if place is None or place.reset_counter != position.reset_counter:
+            place = self._stop_place = position
+        self._put_on_wire(msgspec.structs.replace(setpoint, position_ned_m=place.position_ned_m))
 
     def hold_now(self) -> bool:
         """Ask for Hold without waiting for the answer, unless the vehicle is not in Offboard.
@@ -595,20 +574,18 @@ class MavsdkVehicle:
             self._link.action.hold_async(self._awaited(_note_hold))
         return True
 
-    def _here(self, *, keep: bool = False) -> Setpoint | None:
-        """A setpoint that stays where the vehicle is; None without a fresh position.
-
-        With `keep` the place of the last such call stays, as long as the frame did not jump.
-        """
+    def _here(self) -> tuple[LocalPosition, Setpoint] | None:
+        """A fresh position, and a setpoint that stays there; None without one."""
         now_s = self._clock.now_s()
         position, attitude = self.local_position(), self.attitude()
         if position is None or attitude is None or now_s - position.stamp_s > _PLACE_FRESH_S:
             return None
-        place = self._stop_place
-        if not keep or place is None or place.reset_counter != position.reset_counter:
-            place = position
-        self._stop_place = place if keep else None
-        return Setpoint(now_s, place.position_ned_m, ZERO3, attitude.yaw_rad)
+        return position, Setpoint(now_s, position.position_ned_m, ZERO3, attitude.yaw_rad)
+
+    def _put_newest(self, setpoint: Setpoint) -> None:
+        """Somebody flies: where it once was to stop counts no more."""
+        self._stop_place = None
+        self._put_on_wire(setpoint)
 
     def _put_on_wire(self, setpoint: Setpoint) -> None:
         yaw_deg = math.degrees(setpoint.yaw_rad)

@@ -218,13 +218,17 @@ class Guard:
             return offset, velocity, self._speed_max_m_s, self.horizon_m
         way = self._room.way(n / speed, e / speed, sight)
         factor = 1.0
-        if self._must_brake(n, e, sight):
-            limits.append(BRAKE)
-            factor = 0.0
         if speed > way.allowed_m_s * (1.0 + ROUNDING):
+            factor = way.allowed_m_s / speed
+        # What is left of a command may be so little that it says "stop".
+        brakes = self._must_brake(n, e, sight) or (
+            factor < 1.0 and self._must_brake(n * factor, e * factor, sight)
+        )
+        if brakes:
+            limits.append(BRAKE)
+        if factor < 1.0:
             limits.append(way.limit)
-            factor *= way.allowed_m_s / speed
-        offset, velocity = _scaled(offset, velocity, factor)
+        offset, velocity = _scaled(offset, velocity, 0.0 if brakes else factor)
         return offset, velocity, way.allowed_m_s, way.free_m
 
     def _must_brake(self, north: float, east: float, sight: Sight) -> bool:

@@ -100,6 +100,7 @@ def test_the_fence_is_never_left_nor_left_further(
 @settings(deadline=None, max_examples=300)
 @given(situations())
 @example((setpoint((0.0, 0.0, -1.0)), sight()))
+@example((setpoint((0.453, 0.0, -1.0)), sight((-0.047, 0.0, -1.0), (0.0, 0.5, 0.0), sigma_m=0.031)))
 def test_a_second_check_changes_nothing(situation: tuple[Setpoint, Sight]) -> None:
     asked, seen = situation
     guard = Guard(L_SHAPE)
