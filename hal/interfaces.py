@@ -71,6 +71,7 @@ class Vehicle(Protocol):
         """Send one request and wait for the acknowledgement.
 
         A refusal or a silence is a Reply with `accepted=False` and a reason, not an exception.
+        OFFBOARD is not even sent when the status speaks against it (`against_offboard`).
         Cancelling stops the waiting, not the request.
         """
         ...

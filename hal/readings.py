@@ -216,6 +216,24 @@ class VehicleStatus(msgspec.Struct, frozen=True):
     in_failsafe: bool = False
     global_position: bool = True
 
+    def against_offboard(self) -> str | None:
+        """Why OFFBOARD may not be asked for, although PX4 would go there; None: nothing.
+
+        PX4 accepts it disarmed (who arms next would see it take off), and from the mode that a
+        pilot, or PX4 itself, has chosen since.
+        """
+        if not self.armed:
+            return "the vehicle is not armed"
+        if self.mode not in _OFFBOARD_FOLLOWS:
+            return (
+                f"the vehicle's mode is {self.mode.value} now, which is not for this program to end"
+            )
+        return None
+
+
+_OFFBOARD_FOLLOWS = (FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD)
+"""What was asked for before, and what PX4 goes to by itself at the end of a take-off."""
+
 
 class VehicleFacts(msgspec.Struct, frozen=True):
     """What does not change during a flight: who the autopilot is and how it is configured.

@@ -331,6 +331,10 @@ class SimVehicle:
         cut = self._silent_since_s is not None or self._autopilot.silent
         if cut or self._up.lost(now_s) or self._down.lost(now_s):
             return Reply(now_s, request.kind, accepted=False, reason="the vehicle did not answer")
+        if request.kind is RequestKind.OFFBOARD:
+            against = self.status().against_offboard()
+            if against is not None:
+                return Reply(now_s, request.kind, accepted=False, reason=against)
         before = len(self._autopilot.texts)
         result = self._request(request)
         said = [text.text for text in list(self._autopilot.texts)[before:]]

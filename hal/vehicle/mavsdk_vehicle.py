@@ -84,9 +84,6 @@ CURRENT_MODE: PX4 looks so often whether the mode has changed, and sends it then
 second). HEARTBEAT, which tells the mode as well, stays at 1 Hz: PX4 refuses another rate.
 """
 
-_OFFBOARD_FOLLOWS = frozenset({FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD})
-"""Modes that this program asked for, or that PX4 goes to by itself at the end of a take-off."""
-
 _HEARTBEATS_WAITED_FOR = 2  # one a second
 _SET_MESSAGE_INTERVAL = 511
 _RUN_PREARM_CHECKS = 401
@@ -370,9 +367,8 @@ class MavsdkVehicle:
 
         TAKEOFF writes MIS_TAKEOFF_ALT first when it differs from the wanted altitude (a vehicle
         without a global position knows no other way). OFFBOARD sends a setpoint of the current
-        place first and is refused without one; so it is when the vehicle is disarmed, or in a mode
-        that a pilot or PX4 chose since (PX4 would take it out of any). Never raises for what the
-        vehicle does or does not answer. Cancelling stops the waiting, not the request.
+        place first and is refused without one. Never raises for what the vehicle does or does not
+        answer. Cancelling stops the waiting, not the request.
         """
         asked_s = self._clock.now_s()
         try:
@@ -421,11 +417,9 @@ class MavsdkVehicle:
         return await self._act(lambda link: link.action.takeoff_async)
 
     async def _start_offboard(self) -> str | None:
-        status = self.status()
-        if not status.armed:
-            return "the vehicle is not armed"
-        if status.mode not in _OFFBOARD_FOLLOWS:
-            return f"the vehicle is in {status.mode.value} by another's choice"
+        against = self.status().against_offboard()
+        if against is not None:
+            return against
         setpoints, here = self._setpoints, self._here()
         if here is None or setpoints is None:
             return "its local position is not known, which OFFBOARD needs"

@@ -75,6 +75,7 @@ async def test_it_flies_where_it_is_sent_and_refuses_what_would_drop_it(rig: Rig
     vehicle = rig.vehicle
     await vehicle.open(15.0)
     await until(rig, lambda: vehicle.status().armable, 10.0, "being armable")
+    assert "not armed" in await refused(rig, RequestKind.OFFBOARD)
     await accepted(rig, RequestKind.ARM)
     await accepted(rig, RequestKind.TAKEOFF, ALTITUDE_M)
     await until(
@@ -114,6 +115,8 @@ async def test_it_flies_where_it_is_sent_and_refuses_what_would_drop_it(rig: Rig
     await accepted(rig, RequestKind.HOLD)
     await until(rig, lambda: vehicle.status().mode is FlightMode.HOLD, 2.0, "Hold")
     await accepted(rig, RequestKind.LAND)
+    await until(rig, lambda: vehicle.status().mode is FlightMode.LAND, 2.0, "Land")
+    assert "land" in await refused(rig, RequestKind.OFFBOARD)
     await until(rig, lambda: not vehicle.status().armed, 25.0, "landing and disarming")
     assert vehicle.status().landed is LandedState.ON_GROUND
     texts = vehicle.take_texts()
