@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hal.frames import Vector3
-from tools.guard_siege.siege import Ask, Siege, Stage, Violation
+from tools.guard_siege.siege import Ask, Siege, Stage, Violation, oldest_s
 from tools.guard_siege.vehicle import Make
 
 LENGTHS = (20, 400)
@@ -40,9 +40,9 @@ def stage(rng: np.random.Generator) -> Stage:
     for _ in range(int(rng.integers(0, 3))):
         bearing = rng.uniform(-math.pi, math.pi)
         borders.append((math.cos(bearing), math.sin(bearing), float(rng.uniform(0.2, 1.5))))
-    dead_s = float(rng.uniform(0.0, 0.4))
+    link_s, dead_s = float(rng.uniform(0.0, 0.1)), float(rng.uniform(0.0, 0.4))
     make = Make(
-        link_s=float(rng.uniform(0.0, 0.1)),
+        link_s=link_s,
         dead_s=dead_s,
         braking_m_s2=float(rng.choice([0.5, 1.0, 3.0])),
         gain_per_s=0.95,
@@ -55,6 +55,8 @@ def stage(rng: np.random.Generator) -> Stage:
         sigma_m=float(rng.choice([0.0, 0.01, 0.02, 0.08])),
         make=make,
         yaw_rad=float(rng.uniform(-math.pi, math.pi)),
+        position_age_s=float(rng.uniform(0.0, oldest_s(make))),
+        beams_age_s=float(rng.uniform(0.0, oldest_s(make))),
     )
 
 
@@ -64,7 +66,7 @@ def besiege(rng: np.random.Generator, tally: Tally, most: int) -> None:
     length = min(most, int(rng.integers(*LENGTHS)))
     tally.sieges += 1
     left, habit, astray = 0, _idle, (0.0, 0.0)
-    for chance, tick, blind, lost, dies in rng.random((length, 5)):
+    for chance, tick, blind, lost, dies, age in rng.random((length, 6)):
         if left == 0:
             left, habit = int(rng.integers(1, 40)), _habit(rng, siege)
             astray = (float(rng.uniform(-1.0, 1.0)), float(rng.uniform(-1.0, 1.0)))
@@ -74,7 +76,9 @@ def besiege(rng: np.random.Generator, tally: Tally, most: int) -> None:
         siege.mislead(*astray)
         tally.steps += 1
         tick_s = 0.05 if tick < 0.6 else 0.025 if tick < 0.8 else 0.075
-        verdict = siege.tick(habit(), tick_s=tick_s, beams=bool(blind < 0.8), ok=bool(lost < 0.99))
+        verdict = siege.tick(
+            habit(), tick_s=tick_s, beams=bool(blind < 0.8), ok=bool(lost < 0.99), age=float(age)
+        )
         tally.limits.update(verdict.limits)
         # Where room is what limits, the program dies most often.
         if dies < (0.3 if verdict.free_distance_m < siege.guard.horizon_m else 0.01):

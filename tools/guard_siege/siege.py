@@ -5,7 +5,9 @@ finds, and by a seeded random driver (`python -m tools.guard_siege`), which make
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from hal.config import Fence, GuardConfig, six_beams
 from hal.frames import Vector3, add, wrap_pi
@@ -39,6 +41,10 @@ BEAM_MIN_M, BEAM_MAX_M = 0.02, 1.0
 START_FREE_M = 0.25
 """Nothing stands nearer to the place where a siege begins."""
 SLACK_M = 1e-3
+OLDEST_S = 0.3
+"""The guard's `position_max_age_s`."""
+LATE_S = 0.5
+"""The guard's `reaction_s` less two ticks: link, vehicle and the age of what is seen, together."""
 HOLDS = frozenset((SETPOINT_STALE, SETPOINT_REPEATED, POSITION_STALE))
 
 
@@ -58,6 +64,14 @@ class Ask:
     """The setpoint before, with a new stamp."""
 
 
+class Moment(NamedTuple):
+    """Where the vehicle was, believed to be, and how it moved."""
+
+    position: Vector3
+    estimate: Vector3
+    velocity: Vector3
+
+
 @dataclass(frozen=True)
 class Stage:
     """What a siege begins with."""
@@ -69,6 +83,15 @@ class Stage:
     sigma_m: float = 0.0
     make: Make = TYPICAL
     yaw_rad: float = 0.0
+    position_age_s: float = 0.0
+    beams_age_s: float = 0.0
+    """How old what the guard sees is at most; each tick says which part of that. With the
+    vehicle's own lateness and a tick it has room in the guard's `reaction_s`."""
+
+
+def oldest_s(make: Make) -> float:
+    """How old what the guard sees of that vehicle may be."""
+    return min(OLDEST_S, max(0.0, LATE_S - make.link_s - make.dead_s))
 
 
 class Siege:
@@ -87,6 +110,8 @@ class Siege:
         self.guard = Guard(self.config)
         self._ceiling_m = max(stage.ceiling_m, ALOFT_M + 0.25)
         self._sigma_m = stage.sigma_m
+        self._ages_s = (stage.position_age_s, stage.beams_age_s)
+        self._past = deque([self._moment()], maxlen=round(OLDEST_S / STEP_S) + 1)
         self._now_s = 100.0
         self._yaw_rad = stage.yaw_rad
         self._yaw_sent_rad: float | None = None
@@ -115,14 +140,22 @@ class Siege:
         self.vehicle.error = (n + gap_n * 0.002 / gap, e + gap_e * 0.002 / gap)
 
     def tick(
-        self, ask: Ask, *, tick_s: float = 0.05, beams: bool = True, ok: bool = True
+        self,
+        ask: Ask,
+        *,
+        tick_s: float = 0.05,
+        beams: bool = True,
+        ok: bool = True,
+        age: float = 1.0,
     ) -> GuardVerdict:
         """Ask for a setpoint, fly what the guard lets pass for a tick, and judge.
 
-        Without beams nobody knows of the ceiling: where there is one they are never missing.
+        `age`: which part of the stage's ages position and beams have. Without beams nobody knows
+        of the ceiling: where there is one they are never missing.
         """
         beams = beams or self._ceiling_m < math.inf
-        asked, sight = self._setpoint(ask), self._sight(beams=beams, ok=ok)
+        sight = self._sight(age, beams=beams, ok=ok)
+        asked = self._setpoint(ask, sight)
         verdict = self.guard.check(asked, sight)
         self._asked = asked
         self._judge_setpoint(asked, verdict, sight)
@@ -130,6 +163,7 @@ class Siege:
         self._turn(verdict.setpoint.yaw_rad, tick_s)
         for _ in range(round(tick_s / STEP_S)):
             self.vehicle.step()
+            self._past.append(self._moment())
             self._judge_vehicle(self.vehicle)
         self._now_s += tick_s
         self.ticks += 1
@@ -145,33 +179,42 @@ class Siege:
 
     # ------------------------------------------------------------ what the guard is told
 
-    def _setpoint(self, ask: Ask) -> Setpoint:
+    def _moment(self) -> Moment:
+        return Moment(self.vehicle.position, self.vehicle.estimate, self.vehicle.velocity)
+
+    def _ago(self, age_s: float) -> tuple[float, Moment]:
+        """How things were, in whole steps, and how long ago that is."""
+        steps = min(round(age_s / STEP_S), len(self._past) - 1)
+        return steps * STEP_S, self._past[-1 - steps]
+
+    def _setpoint(self, ask: Ask, sight: Sight) -> Setpoint:
         if ask.again:
             return replace_stamp(self._asked, self._now_s)
         return Setpoint(
             self._now_s - ask.age_s,
-            add(self.vehicle.estimate, ask.offset),
+            add(sight.position_ned_m, ask.offset),
             ask.velocity,
             wrap_pi(self._yaw_rad + ask.turn_rad),
         )
 
-    def _sight(self, *, beams: bool, ok: bool) -> Sight:
+    def _sight(self, age: float, *, beams: bool, ok: bool) -> Sight:
+        position_age_s, then = self._ago(age * self._ages_s[0])
         return Sight(
             now_s=self._now_s,
-            fused_stamp_s=self._now_s,
-            position_ned_m=self.vehicle.estimate,
-            velocity_ned_m_s=self.vehicle.velocity,
+            fused_stamp_s=self._now_s - position_age_s,
+            position_ned_m=then.estimate,
+            velocity_ned_m_s=then.velocity,
             yaw_rad=self._yaw_rad,
             space=self.world,
-            beams=self._beams() if beams else (),
+            beams=self._beams(*self._ago(age * self._ages_s[1])) if beams else (),
             position_sigma_m=self._sigma_m,
             position_ok=ok,
         )
 
-    def _beams(self) -> tuple[BeamSight, ...]:
-        """True ranges."""
+    def _beams(self, age_s: float, then: Moment) -> tuple[BeamSight, ...]:
+        """True ranges of that moment."""
         seen = []
-        north, east, down = self.vehicle.position
+        north, east, down = then.position
         for mount in BEAMS:
             if mount.horizontal:
                 bearing = self._yaw_rad + math.radians(mount.yaw_deg)
@@ -184,7 +227,7 @@ class Siege:
             elif distance < BEAM_MIN_M:
                 status, distance = RangeStatus.TOO_NEAR, BEAM_MIN_M
             reading = RangeReading(
-                self._now_s, mount.name, status, distance, 1e-4, BEAM_MIN_M, BEAM_MAX_M
+                self._now_s - age_s, mount.name, status, distance, 1e-4, BEAM_MIN_M, BEAM_MAX_M
             )
             seen.append(BeamSight(mount, reading))
         return tuple(seen)
