@@ -24,6 +24,8 @@ _RECOVERS_S = {
 _RECOVERS_LATE_S = 3.0
 _AGREEMENTS, _AGAINST = 12.0, 0.05
 """About so many places it must agree with the others, and hardly contradict them."""
+_AGREEMENTS_EACH, _BEAR_OUT_MIN = 4.0, 2
+"""While none of the others is believed: so often with each of so many."""
 _RECOVERY_MAX_S = 60.0
 _UNHEARD = (BeamWord.STALE, BeamWord.NO_SIGNAL)
 _PROVEN_ANEW = (BeamWord.SATURATED, BeamWord.STUCK, BeamWord.INCONSISTENT, BeamWord.CROSS_TALK)
@@ -231,10 +233,31 @@ class Doubt:
             return True
         if not beam.mount.horizontal:
             return evidence.follows > 0.0 or evidence.run < 3.0
-        pairs = [self._witness.pair(beam.index, other) for other in self._trusted()]
+        return self._agrees(beam)
+
+    def _agrees(self, beam: _Beam) -> bool:
+        """True when the beams that are believed bear this one out.
+
+        Where none is believed, two of the others must, whose own readings are clean again: what
+        three see alike at the same places is there, and a beam that sees nothing agrees with none.
+        """
+        believed = self._trusted()
+        others = believed or self._clean_but(beam)
+        pairs = [self._witness.pair(beam.index, other) for other in others]
         against = sum(pair[0] for pair in pairs)
         in_favour = sum(pair[1] for pair in pairs)
+        bear_out = sum(pair[1] >= _AGREEMENTS_EACH for pair in pairs)
+        if not believed and bear_out < _BEAR_OUT_MIN:
+            return False
         return in_favour >= _AGREEMENTS and against <= _AGAINST * in_favour
+
+    def _clean_but(self, beam: _Beam) -> list[int]:
+        """Level beams that are doubted, though their own readings say nothing against them now."""
+        return [
+            other.index
+            for other in self._beams
+            if other is not beam and other.mount.horizontal and other.clean_since_s is not None
+        ]
 
     def _trusted(self) -> list[int]:
         return [beam.index for beam in self._beams if beam.mount.horizontal and beam.doubt is None]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from autonomy.model import BeamWord
 from autonomy.perception.movers import Unrest
 from hal.readings import RangeReading, RangeStatus
-from hal.sim.scenario import BeamSimulation, Disc
+from hal.sim.scenario import BeamSimulation, Disc, Scenario
 from tests.unit.autonomy.perception.doubt.rig import ONE_WALL, OPEN, ROOM, STEP, Turning, high
 
 LEVEL = ("front", "right", "back", "left")
@@ -93,6 +93,28 @@ def test_a_beam_that_still_contradicts_the_others_is_not_believed_again() -> Non
 
 def test_all_beams_that_stop_seeing_at_once_are_doubted() -> None:
     assert set(Turning("beam_constant@8").fly(12.0).words()) >= set(LEVEL)
+
+
+@pytest.mark.parametrize("fault", ["beam_constant@8/5", "beam_stuck@8/5"])
+@pytest.mark.parametrize("room", [ROOM, ONE_WALL])
+def test_beams_that_were_all_doubted_are_believed_again_once_they_bear_each_other_out(
+    fault: str, room: Scenario
+) -> None:
+    flown = Turning(fault, room=room).fly(13.0)
+    assert set(flown.words()) >= set(LEVEL)
+    assert flown.fly(25.0).words() == {}
+
+
+@pytest.mark.parametrize("fault", ["beam_constant", "beam_stuck"])
+def test_beams_that_stay_blind_never_bear_each_other_out(fault: str) -> None:
+    flown = Turning(f"{fault}@8").fly(14.0)
+    for _ in range(30):
+        assert set(flown.fly(1.0).words()) >= set(LEVEL)
+
+
+def test_one_beam_that_sees_again_is_not_believed_while_the_others_are_blind() -> None:
+    back = Turning("beam_constant@8/5:beam=front", *(f"beam_constant@8:beam={b}" for b in LEVEL[1:]))
+    assert set(back.fly(40.0).words()) >= set(LEVEL)
 
 
 def test_what_moves_accuses_nobody_and_what_moves_elsewhere_nobody_else() -> None:
