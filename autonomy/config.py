@@ -427,6 +427,15 @@ class Config(Section):
         return self
 
     @model_validator(mode="after")
+    def _something_looks_ahead(self) -> "Config":
+        if not any(mount.horizontal for mount in self.beams.mounts):
+            raise ValueError(
+                "beams.mounts: none of them looks level, and nothing is flown without seeing what "
+                "is ahead; set pitch_deg of at least one (better three) to 0"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _storeys_leave_room(self) -> "Config":
         least_m = max(
             self.body.half_height_m + self.planner.hard_clearance_m, self.guard.beam_stop_m

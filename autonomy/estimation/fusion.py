@@ -46,7 +46,7 @@ class Fusion:
         self._newest: LocalPosition | None = None
         self._position, self._velocity = Count(), Count()
 
-        self._fix_s = -math.inf
+        self._fix_s = self._future_fix_s = -math.inf
         self._places = Places()
         self._apartness = Apartness(config.gnss_apart_m)
         self._gnss = Count()
@@ -209,8 +209,10 @@ class Fusion:
         config = self._config
         stamp_s = min(fix.stamp_s, now_s)
         if fix.stamp_s - now_s > config.stale_after_s:
-            self._fix_s = fix.stamp_s
-            self._gnss.refused()
+            # Its time is not believed, and must not make those that come after it old.
+            if fix.stamp_s != self._future_fix_s:
+                self._future_fix_s = fix.stamp_s
+                self._gnss.refused()
             return
         if stamp_s > self._local_s + config.stale_after_s:
             return  # GNSS alone carries nothing; it is fused when the autopilot is heard again.

@@ -96,7 +96,7 @@ class MakingWay:
     def __init__(self, config: Config) -> None:
         self._config = config.movers
         self._body_m = config.body.radius_m
-        self._speed_m_s = config.guidance.speed_max_m_s
+        self._full_m_s = self._speed_m_s = config.guidance.speed_max_m_s
         self._times = np.arange(0.0, config.movers.horizon_s + 1e-9, STEP_S)
         angles = [2.0 * math.pi * k / BEARINGS for k in range(BEARINGS)]
         self._headings = np.array([(math.cos(a), math.sin(a)) for a in angles])
@@ -115,8 +115,14 @@ class MakingWay:
         planned_ne_m_s: Point,
         movers: tuple[MovingObstacle, ...],
         space: SeenSpace,
+        speed_max_m_s: float,
     ) -> Evasion | None:
-        """None: go on as planned. `planned_ne_m_s` is the velocity that would be flown now."""
+        """None: go on as planned. `planned_ne_m_s` is the velocity that would be flown now.
+
+        `speed_max_m_s`: how fast the beams that are left allow to fly. With fewer of them what
+        stands or comes where the vehicle goes is seen later; with too few (0) it only waits.
+        Slower for comfort it is not: what moves does not wait.
+        """
         near = [m for m in movers if math.dist(m.point, fused.point) < NEAR_M]
         if not near:
             self.stop()
@@ -128,6 +134,7 @@ class MakingWay:
         if planned_m >= enough_m:
             self.stop()
             return None
+        self._speed_m_s = min(self._full_m_s, speed_max_m_s)
         return self._choose(now_s, fused, planned_ne_m_s, near, tubes, space)
 
     # ------------------------------------------------------------ inside
@@ -189,11 +196,11 @@ class MakingWay:
         kept = self._kept_m(fused, velocities, np.array([*reaches, 0.0]), tubes)
         worth = np.minimum(kept, ENOUGH_M)
         # Of equals, the one nearest to the plan, and whichever is being flown already.
-        along = velocities @ np.array(planned_ne_m_s) / (self._speed_m_s * self._speed_m_s)
+        along = velocities @ np.array(planned_ne_m_s) / (self._full_m_s * self._full_m_s)
         worth += 0.02 * along + 0.01 * np.array([*(min(r, 0.5) for r in reaches), 0.0])
         if self._bearing is not None:
             worth[self._bearing] += KEEP_M
-        chosen = int(np.argmax(worth))
+        chosen = int(np.argmax(worth)) if self._speed_m_s > 0.0 else BEARINGS
         news = not self.active
         self._bearing, self.active = chosen, True
         north, east = velocities[chosen].tolist()

@@ -121,7 +121,9 @@ class Steering:
             return
         planned = (0.0, 0.0) if setpoint is None else setpoint.velocity_ned_m_s[:2]
         space = self._sensing.map
-        evasion = self._making_way.advise(tick.now_s, fused, planned, tick.movers, space)
+        evasion = self._making_way.advise(
+            tick.now_s, fused, planned, tick.movers, space, self._sensing.lookout.speed_max_m_s
+        )
         if evasion is None:
             return
         self._strayed = True

@@ -354,7 +354,7 @@ class MoverTracker:
     def _tidy(self, now_s: float, known: ObstacleMap) -> None:
         """Judge, drop what is lost or double, and take off the map what movers left behind."""
         kept: list[_Track] = []
-        for track in sorted(self._tracks, key=lambda one: (-one.hit_s, one.name)):
+        for track in sorted(self._tracks, key=_precedence):
             track.judge()
             if track.moved:
                 self.moved_s = now_s
@@ -381,6 +381,15 @@ def _unmoved(cell: tuple[int, int], known: ObstacleMap) -> tuple[int, int]:
 
 def _place(track: _Track) -> Point:
     return (float(track.state[0]), float(track.state[1]))
+
+
+def _precedence(track: _Track) -> tuple[bool, float, int]:
+    """Of two that are one the first stays: what is confirmed, then what was hit last.
+
+    A hit that the gate refused begins a new disc beside a known mover: without a velocity, and
+    it is not yet told to anybody.
+    """
+    return track.hits < CONFIRM_HITS, -track.hit_s, track.name
 
 
 def _marked(track: _Track, hit: Point) -> bool:

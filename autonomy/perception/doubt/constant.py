@@ -35,6 +35,7 @@ def find_turning(evidence: BeamEvidence) -> Suspicion | None:
     return Suspicion(
         BeamWord.STUCK,
         f"it says {evidence.run_value_m:.2f} m through a turn of {turned_deg:.0f} degrees",
+        max(evidence.run_s, kernels.AGE_S),
     )
 
 

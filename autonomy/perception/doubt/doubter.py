@@ -213,7 +213,9 @@ class Doubt:
             return
         self._witness.forget(beam.index)
         if beam.mount.horizontal:
-            self.lied_since_s = now_s - LIES_S
+            lied_since_s = now_s - found.lied_s - PERIOD_S
+            known_s = math.inf if self.lied_since_s is None else self.lied_since_s
+            self.lied_since_s = min(lied_since_s, known_s)
 
     def _borne_out(self, beam: _Beam, clean_s: float, evidence: BeamEvidence) -> bool:
         """The rule of recovery: clean for a time that doubles with every doubt, and, where it had
@@ -307,10 +309,6 @@ class Doubt:
     def _doubt_all(self, now_s: float, trusted: list[int], found: Suspicion) -> None:
         for index in trusted:
             self._doubt(self._beams[index], now_s, found)
-
-
-LIES_S = 4.0
-"""What a beam has shown this long before it is doubted is not believed either."""
 
 
 def _more_telling(found: Suspicion, doubt: BeamDoubt) -> bool:

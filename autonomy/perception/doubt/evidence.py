@@ -57,6 +57,7 @@ class BeamEvidence(msgspec.Struct, frozen=True, gc=False):
     unhit_s: float
     leaps: float
     no_floor: float
+    run_s: float
 
 
 class Witness:

@@ -130,7 +130,8 @@ S_VANISHED = 23
 S_UNHIT = 24  # s since it hit something in the plane
 S_LEAPS = 25  # up, down: readings in a row of another surface, though the vehicle stayed
 S_NO_FLOOR = 26  # down: readings in a row that miss the floor that it saw just before
-SUMMARY_COLUMNS = 27
+S_RUN_S = 27  # s since the run began
+SUMMARY_COLUMNS = 28
 
 AGE_S = 3.5
 """Two sweeps of four beams at 60 deg/s: older views are of another time."""
@@ -739,6 +740,7 @@ def summarize(rings, tracks, copies, gone, clock, now, out):
         row[S_BLIND] = track[T_BLIND]
         row[S_LEAPS] = track[T_LEAPS]
         row[S_NO_FLOOR] = track[T_NO_FLOOR]
+        row[S_RUN_S] = now - track[T_RUN_SINCE] if count > 0 else 0.0
         row[S_SAME] = row[S_COPIES] = 0.0
         row[S_SAME_AS] = row[S_COPIES_OF] = -1.0
         for other in range(len(tracks)):

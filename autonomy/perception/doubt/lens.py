@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 
 from autonomy.model import BeamWord
+from autonomy.perception.doubt import kernels
 from autonomy.perception.doubt.evidence import BeamEvidence, inside_m
 from autonomy.perception.doubt.suspicion import Suspicion
 from hal.config import BeamMount
@@ -18,7 +19,11 @@ def find(evidence: BeamEvidence) -> Suspicion | None:
     """
     if evidence.near_s < _LASTS_S:
         return None
-    return Suspicion(BeamWord.TOO_NEAR, "it sees something nearer than the vehicle's own skin")
+    return Suspicion(
+        BeamWord.TOO_NEAR,
+        "it sees something nearer than the vehicle's own skin",
+        max(evidence.near_s, kernels.AGE_S),
+    )
 
 
 def covered(

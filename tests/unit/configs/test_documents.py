@@ -55,6 +55,12 @@ def test_an_unknown_key_is_refused_with_its_line(tmp_path: Path) -> None:
         load_config(path)
 
 
+def test_a_vehicle_that_sees_nothing_ahead_is_refused_with_the_key_and_the_remedy() -> None:
+    upright = [mount for mount in Config().beams.mounts if not mount.horizontal]
+    with pytest.raises(ValidationError, match=r"beams\.mounts: none .* level.*pitch_deg"):
+        Config.model_validate({"beams": {"mounts": [mount.model_dump() for mount in upright]}})
+
+
 def test_the_service_unit_is_watched_and_hardened() -> None:
     unit = configparser.RawConfigParser(strict=False)
     unit.optionxform = str  # type: ignore[assignment,method-assign]  # the documented way to keep case

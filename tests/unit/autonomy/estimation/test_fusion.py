@@ -431,6 +431,19 @@ def test_a_fix_without_position_is_ignored(kind: FixType) -> None:
     assert one.step(now_s, reading, level, bad, ()) == other.step(now_s, reading, level, None, ())
 
 
+def test_a_fix_from_the_future_is_counted_once_and_mutes_none_that_comes_after_it() -> None:
+    estimator = fusion()
+    now_s = settle(estimator, 4.0)
+    place = (0.0, 0.0, -0.8)
+    for i in range(60):
+        at_s = now_s + i * TICK_S
+        told = fix(now_s + 3600.0 if 20 <= i < 24 else at_s, place)
+        state = estimator.step(at_s, local(at_s, place), attitude(at_s), told, ())
+    assert state.health.gnss.rejected == 1
+    assert state.health.gnss.age_s is not None
+    assert state.health.gnss.age_s < CONFIG.gnss_interval_s + 2.0 * TICK_S
+
+
 def test_a_fix_from_the_future_is_refused() -> None:
     estimator = fusion()
     now_s = settle(estimator, 4.0)

@@ -53,9 +53,10 @@ def advise(
     space: Open | None = None,
     state: FusedState | None = None,
     way: MakingWay | None = None,
+    speed_m_s: float = SPEED_M_S,
 ) -> Evasion | None:
     way = way or MakingWay(CONFIG)
-    return way.advise(0.0, state or fused(), planned, movers, space or Open())
+    return way.advise(0.0, state or fused(), planned, movers, space or Open(), speed_m_s)
 
 
 @given(bearing_rad=st.floats(-3.1, 3.1), away_m=st.floats(0.5, 3.0), speed_m_s=st.floats(0.0, 0.4))
@@ -97,6 +98,23 @@ def test_a_stopped_vehicle_makes_way_for_what_comes() -> None:
     assert evasion.direction in (Direction.LEFT, Direction.RIGHT, Direction.BACK)
     assert evasion.why is not None
     assert "coming at 0.2 m/s from the front" in evasion.why
+
+
+def test_it_makes_way_no_faster_than_the_beams_that_are_left_allow() -> None:
+    coming = mover((0.9, 0.0), (-0.25, 0.0))
+    slow = advise(coming, speed_m_s=0.6 * SPEED_M_S)
+    assert slow is not None
+    assert math.isclose(math.hypot(*slow.velocity_ne_m_s), 0.6 * SPEED_M_S)
+    fast = advise(coming, speed_m_s=2.0 * SPEED_M_S)
+    assert fast is not None
+    assert math.isclose(math.hypot(*fast.velocity_ne_m_s), SPEED_M_S)
+
+
+def test_with_too_few_beams_left_it_waits() -> None:
+    waiting = advise(mover((0.9, 0.0), (-0.25, 0.0)), speed_m_s=0.0)
+    assert waiting is not None
+    assert waiting.velocity_ne_m_s == (0.0, 0.0)
+    assert waiting.direction is None
 
 
 def test_it_says_why_once() -> None:

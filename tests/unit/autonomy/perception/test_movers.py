@@ -113,6 +113,19 @@ def test_its_trail_is_taken_off_the_map() -> None:
     assert trail == []
 
 
+def test_an_odd_hit_beside_a_confirmed_mover_does_not_replace_it() -> None:
+    stage = Stage(((1.3, 0.0), (-0.2, 0.0), 0.2))
+    stage.run(2.0)
+    (mover,) = stage.run(3.0)
+    stage.now_s += TICK_S
+    odd_m = math.hypot(*mover.point) - mover.radius_m - 0.2
+    bearing = math.atan2(mover.point[1], mover.point[0])
+    hit = Ray(stage.now_s, 1, RayKind.HIT, (0.0, 0.0, -1.0), bearing, 0.0, odd_m, (0.0, 0.0))
+    stage.tracker.step(stage.now_s, [hit], stage.map)
+    assert [one.name for one in stage.tracker.obstacles(stage.now_s)] == [mover.name]
+    assert [one.name for one in stage.run(1.0)] == [mover.name]
+
+
 def test_what_left_is_forgotten() -> None:
     stage = Stage(((1.3, 0.0), (-0.25, 0.0), 0.2))
     stage.run(2.0)

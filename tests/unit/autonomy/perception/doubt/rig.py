@@ -80,6 +80,8 @@ class Turning:
         self._beams = with_beam_faults(SimulatedBeams(World(room), beams, model, rng), lines, rng)
         self.doubt = Doubt(beams, BodyConfig())
         self.history: list[tuple[float, BeamDoubt]] = []
+        self.taken_back_s = math.inf
+        """Since when, at the earliest, what was shown is not believed any more."""
         self.now_s = 0.0
         self._speed_m_s, self._height, self._rate_rad_s = speed_m_s, height, rate_rad_s
         self._yaw_rad, self._way_m = 0.0, way_m
@@ -115,6 +117,8 @@ class Turning:
             yaw_rate_rad_s=self._rate_rad_s,
         )
         self.doubt.learn(self.now_s, fused, self.readings, self._moving)
+        if self.doubt.lied_since_s is not None:
+            self.taken_back_s = min(self.taken_back_s, self.doubt.lied_since_s)
         new = self.doubt.doubts
         if new is not self._known:
             self.history += [(self.now_s, doubt) for doubt in new if doubt not in self._known]

@@ -62,6 +62,8 @@ def test_every_kind_of_fault_is_found_by_its_name(
     assert doubt.word in words
     assert 8.0 < when_s < 28.0
     assert beam in flown.words()
+    if not words <= {W.STALE, W.NO_SIGNAL}:
+        assert flown.taken_back_s <= 8.0, "what it showed when its fault began is still believed"
 
 
 @pytest.mark.parametrize("fault", ["beam_silence", "beam_dropout", "beam_blocked", "beam_constant"])
@@ -113,7 +115,9 @@ def test_beams_that_stay_blind_never_bear_each_other_out(fault: str) -> None:
 
 
 def test_one_beam_that_sees_again_is_not_believed_while_the_others_are_blind() -> None:
-    back = Turning("beam_constant@8/5:beam=front", *(f"beam_constant@8:beam={b}" for b in LEVEL[1:]))
+    back = Turning(
+        "beam_constant@8/5:beam=front", *(f"beam_constant@8:beam={b}" for b in LEVEL[1:])
+    )
     assert set(back.fly(40.0).words()) >= set(LEVEL)
 
 
