@@ -4,7 +4,9 @@ A source is who measures: (component, message, sensor id). The rule, in this ord
 
 1. PX4 repeats what a companion sends it, under its own name, later and thinned out, and makes a
    ring of all it knows. What the autopilot says is an echo, and dropped, when a source that it may
-   have it from said the same within the last second.
+   have it from said the same within the last second. Not once it has said, several times in a
+   row, what nobody else did: then it measures itself, and what it sees must not be hidden because
+   another has just said the same by chance.
 2. The nearest return counts, and any return more than "nothing there"; of two that see nothing,
    the one that sees farther. So no source can hide what another one sees.
 3. What a source sent before what it said last is late, and so is what a leap of its clock brings
@@ -27,6 +29,8 @@ ECHO_S = 1.0
 MOST_SOURCES = 8
 """For one beam; the one heard longest ago is forgotten. Bounded against made-up ids."""
 _REMEMBERED = 40
+_OWN_WORDS = 5
+"""Of a sensor of its own: an echo has nothing to say that was not said (lost messages apart)."""
 _SAME_M = 0.015  # the echo was a float for a while, and truncated
 _SAME_IN_A_RING_M = 0.05
 
@@ -56,6 +60,8 @@ class RivalSources:
         self._heard: dict[Source, deque[tuple[float, RangeReading]]] = {}
         """What each source said lately, with its reception; least recently heard first."""
         self._order: dict[Source, SendingOrder] = {}
+        self._own_words: dict[Source, int] = {}
+        """Of the autopilot's sources: how often in a row each said what nobody else did."""
 
     def judge(
         self, source: Source, reading: RangeReading, now_s: float, sent_s: float = 0.0
@@ -77,8 +83,15 @@ class RivalSources:
         return Verdict.BELIEVED
 
     def _is_echo(self, source: Source, reading: RangeReading, now_s: float) -> bool:
-        if source.component_id != AUTOPILOT:
+        own_words = self._own_words.get(source, 0)
+        if source.component_id != AUTOPILOT or own_words >= _OWN_WORDS:
             return False
+        said = self._was_said(source, reading, now_s)
+        self._own_words[source] = 0 if said else own_words + 1
+        return said
+
+    def _was_said(self, source: Source, reading: RangeReading, now_s: float) -> bool:
+        """True when a source that this one may repeat said the same a moment ago."""
         same_m = _SAME_IN_A_RING_M if source.ring else _SAME_M
         return any(
             told.status is reading.status and abs(told.range_m - reading.range_m) <= same_m

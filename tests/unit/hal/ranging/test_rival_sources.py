@@ -66,6 +66,23 @@ def test_an_echo_is_what_the_autopilot_says_after_a_companion_said_the_same() ->
     assert verdicts((0.0, OWN, at(0.5)), (0.1, COMPANION, at(0.5)))[1] == "believed"
 
 
+def test_what_the_autopilots_own_sensor_sees_is_no_echo_of_a_companion_that_said_it_before() -> (
+    None
+):
+    own = [(0.1 * n, SECOND, at(0.9 - 0.05 * n)) for n in range(5)]
+    chance = (0.5, COMPANION, at(0.3)), (0.55, COMPANION, free()), (0.6, SECOND, at(0.3))
+    assert verdicts(*own, *chance)[-1] == "believed"
+    assert verdicts(*own[:4], *chance)[-1] == "echo"
+
+
+def test_an_echo_of_which_some_originals_were_lost_stays_one() -> None:
+    heard = [n for n in range(40) if n % 7 < 4]
+    originals = [(0.1 * n, COMPANION, at(0.2 + 0.015 * n)) for n in heard]
+    echoes = [(0.1 * n + 0.02, SECOND, at(0.2 + 0.015 * n)) for n in range(40)]
+    found = verdicts(*sorted([*originals, *echoes], key=lambda one: one[0]))
+    assert found.count("echo") >= len(heard)
+
+
 def test_a_companion_hides_nothing_that_the_autopilots_own_sensor_sees() -> None:
     said = (0.0, COMPANION, free()), (0.1, OWN, at(0.3)), (0.15, COMPANION, free())
     assert verdicts(*said) == ["believed", "believed", "overruled"]
