@@ -7,6 +7,7 @@ seed gives once it gives always.
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -51,13 +52,18 @@ class SimulatedFlight:
     simulated_s: float
     wall_s: float
     timing: TimingRecord | None
-    path_bound: PathBound
+    reckon_path_bound: Callable[[], PathBound]
     side_changes: int
     height_changes: int
     track: list[Point] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
     contacts: list[tuple[MissionState, Contact]] = field(default_factory=list)
     """The beginning of every touch, and the state of the mission then."""
+
+    @cached_property
+    def path_bound(self) -> PathBound:
+        """The bound for what was planned; reckoned when first asked for, as campaigns seldom do."""
+        return self.reckon_path_bound()
 
 
 class Simulation:
@@ -252,7 +258,7 @@ class _Book:
             simulated_s=self._last_s,
             wall_s=wall_s,
             timing=self._planning.record(),
-            path_bound=self._bound.bound(comfortable_m, self._config.guard.fence),
+            reckon_path_bound=partial(self._bound.bound, comfortable_m, self._config.guard.fence),
             side_changes=self._sides.count,
             height_changes=self._height_changes,
             track=self.track,

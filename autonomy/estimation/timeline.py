@@ -12,7 +12,7 @@ import msgspec
 
 from autonomy.estimation.kalman import Kalman, Snapshot, Tested, moved
 from autonomy.geometry import Point
-from hal.frames import Vector3, add, scale
+from hal.frames import Vector3, add
 
 HISTORY_S = 1.0
 """What comes later than this is too late."""
@@ -136,9 +136,9 @@ class Timeline:
         while index > 0 and steps[index].observation.stamp_s > stamp_s:
             index -= 1
         step = steps[index]
-        position, velocity, _ = step.after.x.tolist()
+        (n, e, d), (vn, ve, vd), _ = step.after.x.tolist()
         dt_s = max(0.0, stamp_s - step.observation.stamp_s)
-        return add(tuple(position), scale(tuple(velocity), dt_s))
+        return (n + vn * dt_s, e + ve * dt_s, d + vd * dt_s)
 
     def shift(self, offset_ned_m: Vector3) -> None:
         """The frame jumped, and the past with it."""

@@ -762,6 +762,44 @@ def nearest(points, evidence, counters, params, north0, east0, north, east):
 
 
 @njit(cache=True)
+def _on_grid(table, i, j, reach):
+    """True when all cells within `reach` of the cell are on the grid."""
+    return min(i, j) >= reach and i + reach < table.shape[0] and j + reach < table.shape[1]
+
+
+@njit(cache=True)
+def free_since(seen, i, j, reach, since):
+    """True when the square of `reach` cells about a cell was seen free since then, all of it."""
+    if not _on_grid(seen, i, j, reach):
+        return False
+    for a in range(i - reach, i + reach + 1):
+        for b in range(j - reach, j + reach + 1):
+            if not seen[a, b] >= since:
+                return False
+    return True
+
+
+@njit(cache=True)
+def hit_cells(slot, i, j, reach, out):
+    """Lists the cells with evidence in the square of `reach` cells about a cell; their number.
+
+    None where the square is not all on the grid; no more than `out` has rows.
+    """
+    count = 0
+    if not _on_grid(slot, i, j, reach):
+        return count
+    for a in range(i - reach, i + reach + 1):
+        for b in range(j - reach, j + reach + 1):
+            for layer in range(LAYERS):
+                if slot[a, b, layer] >= 0 and count < len(out):
+                    out[count, 0] = a
+                    out[count, 1] = b
+                    count += 1
+                    break
+    return count
+
+
+@njit(cache=True)
 def occupied(points, evidence, counters, params, north0, east0):
     """(n, 2) north and east of the occupied points."""
     total = 0
@@ -857,5 +895,7 @@ def warm_up() -> None:
     free_distance(slot, seen, points, evidence, params, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0)
     nearest(points, evidence, counters, params, 0.0, 0.0, 0.0, 0.0)
     occupied(points, evidence, counters, params, 0.0, 0.0)
+    free_since(seen, 1, 1, 1, 0.0)
+    hit_cells(slot, 1, 1, 1, np.zeros((9, 2), dtype=np.int64))
     thin(points, 1.0)
     forget(*listed, params, 0.0, 0.0, 0.0, 0.0, 1.0, 0.1)

@@ -62,6 +62,7 @@ class ObstacleMap:
         self._cones = np.full((kernels.CONES, kernels.CONE_COLUMNS), -np.inf)
         self._open_bits = np.zeros(kernels.CONES, dtype=np.int64)
         self._rays = _ray_table(16)
+        self._found = np.zeros((9, 2), dtype=np.int64)  # room for the kernel's list of cells
         self._params = _parameters(config, body_radius_m)
         self._now_s: float | None = None
         self._waiting_discs: list[tuple[Point, float]] = []
@@ -267,29 +268,20 @@ class ObstacleMap:
 
     def hit_cells_within(self, point: Point, radius_m: float) -> list[tuple[int, int]]:
         """The cells about `radius_m` near with evidence of a hit."""
-        window = self._window(point, radius_m)
-        if window is None:
-            return []
-        found = np.argwhere((self._slot[window] >= 0).any(axis=2))
-        return [(window[0].start + i, window[1].start + j) for i, j in found.tolist()]
+        reach = round(radius_m / self._cell_m)
+        if len(self._found) < (2 * reach + 1) ** 2:
+            self._found = np.zeros(((2 * reach + 1) ** 2, 2), dtype=np.int64)
+        count = kernels.hit_cells(self._slot, *self.cell(point), reach, self._found)
+        return [(i, j) for i, j in self._found[:count].tolist()] if count else []
 
     def was_free(self, point: Point, radius_m: float, max_age_s: float) -> bool:
         """True when all within `radius_m` was seen free in the last `max_age_s` before the last
         update. A square, to the cell.
         """
-        window = self._window(point, radius_m)
-        if window is None or self._now_s is None:
+        if self._now_s is None:
             return False
-        return bool(float(self._seen[window].min()) >= self._now_s - max_age_s)
-
-    def _window(self, point: Point, radius_m: float) -> tuple[slice, slice] | None:
-        """The cells about a place; None when they are not all on the grid."""
-        reach = round(radius_m / self._cell_m)
-        i, j = self.cell(point)
-        rows, columns = self._seen.shape
-        if min(i, j) < reach or i + reach >= rows or j + reach >= columns:
-            return None
-        return slice(i - reach, i + reach + 1), slice(j - reach, j + reach + 1)
+        reach, since_s = round(radius_m / self._cell_m), float(self._now_s - max_age_s)
+        return bool(kernels.free_since(self._seen, *self.cell(point), reach, since_s))
 
     # ------------------------------------------------------------ SeenSpace
 

@@ -15,6 +15,7 @@ about 2 s without noticeable overshoot.
 """
 
 import math
+import struct
 from enum import IntEnum
 
 import msgspec
@@ -43,6 +44,8 @@ _STATE_SIZE = 32
 _P_SP, _V_SP, _YAW_SP, _RATE_SP = 0, 3, 6, 7
 _P_ERR, _V_ERR, _YAW_ERR, _A_FF = 8, 11, 14, 15
 _COMMAND_SIZE = 18
+_SETPOINT, _ERROR, _FEED_FORWARD = struct.Struct("=8d"), struct.Struct("=7d"), struct.Struct("=3d")
+_FLOAT_BYTES = 8
 
 _YAW_LAG_S = 0.135
 _YAW_GAIN_PER_S = 1.3
@@ -234,6 +237,7 @@ class Quadrotor:
         self._state[_POS : _POS + 3] = position_ned_m
         self._state[_YAW] = yaw_rad
         self._told: list[float] = self._state.tolist()  # read often, and reading numpy is slow
+        self._tilt_rad: tuple[float, float] | None = None
         self._command = np.zeros(_COMMAND_SIZE)
         self._last: Command | None = None
         self._limits = np.zeros(6)
@@ -256,22 +260,18 @@ class Quadrotor:
         """
         c = self._command
         if command is not self._last:
-            c[_P_SP : _RATE_SP + 1] = (
+            _SETPOINT.pack_into(
+                c.data,
+                _P_SP * _FLOAT_BYTES,
                 *command.position_ned_m,
                 *command.velocity_ned_m_s,
                 command.yaw_rad,
                 command.yaw_rate_rad_s,
             )
-            c[_A_FF : _A_FF + 3] = command.acceleration_ned_m_s2
+            _FEED_FORWARD.pack_into(c.data, _A_FF * _FLOAT_BYTES, *command.acceleration_ned_m_s2)
             self._last = command
-        if error is not EXACT:
-            c[_P_ERR : _YAW_ERR + 1] = (
-                *error.position_ned_m,
-                *error.velocity_ned_m_s,
-                error.yaw_rad,
-            )
-        else:
-            c[_P_ERR : _YAW_ERR + 1] = 0.0
+        off = (*error.position_ned_m, *error.velocity_ned_m_s, error.yaw_rad)
+        _ERROR.pack_into(c.data, _P_ERR * _FLOAT_BYTES, *off)
         steps = max(1, round(dt_s / SUBSTEP_S))
         _advance(
             self._state,
@@ -284,6 +284,7 @@ class Quadrotor:
             self._floor_m,
         )
         self._told = self._state.tolist()
+        self._tilt_rad = None
 
     def _triple(self, at: int) -> Vector3:
         s = self._told
@@ -322,11 +323,13 @@ class Quadrotor:
     @property
     def tilt_rad(self) -> tuple[float, float]:
         """(roll, pitch): the thrust's horizontal part needs tan(angle) = acceleration / g."""
-        s = self._told
-        north, east, yaw = s[_ACC], s[_ACC + 1], s[_YAW]
-        c, n = math.cos(yaw), math.sin(yaw)
-        forward, right = c * north + n * east, -n * north + c * east
-        return (math.atan2(right, GRAVITY_M_S2), -math.atan2(forward, GRAVITY_M_S2))
+        if self._tilt_rad is None:
+            s = self._told
+            north, east, yaw = s[_ACC], s[_ACC + 1], s[_YAW]
+            c, n = math.cos(yaw), math.sin(yaw)
+            forward, right = c * north + n * east, -n * north + c * east
+            self._tilt_rad = math.atan2(right, GRAVITY_M_S2), -math.atan2(forward, GRAVITY_M_S2)
+        return self._tilt_rad
 
 
 def warm_up() -> None:

@@ -1,6 +1,7 @@
 """What speaks against each beam, as numbers: the typed door to the compiled loops."""
 
 import math
+import struct
 from collections.abc import Iterable, Sequence
 
 import msgspec
@@ -23,6 +24,8 @@ _NEVER = (kernels.T_STAMP, kernels.T_MEASURED, kernels.T_REF_STAMP, kernels.T_HI
 _INSIDE_M = 0.03
 """What is this deep inside the body is on the lens, not in the room."""
 _UPWARDS_DEG = 60.0
+_READING = struct.Struct(f"={kernels.READING_COLUMNS}d")  # one row of the table of readings
+_POSE = struct.Struct(f"={kernels.POSE_COLUMNS}d")
 DISCS_MAX = 128
 """Of more places where something moves the last ones are left out."""
 
@@ -102,6 +105,7 @@ class Witness:
         self._readings = np.zeros((4 * count, kernels.READING_COLUMNS))
         self._moving = np.zeros((DISCS_MAX, kernels.DISC_COLUMNS))
         self._discs = 0
+        self._any_disputed = False
         self.denied: tuple[int, ...] = ()
         """The beams that looked right through, in the last `take`, what another had just hit."""
         self._out = np.zeros((count, kernels.SUMMARY_COLUMNS))
@@ -124,7 +128,9 @@ class Witness:
             if count == len(self._readings):
                 self._pass_on(now_s, fused, count)
                 count = 0
-            self._readings[count] = (
+            _READING.pack_into(
+                self._readings.data,
+                count * _READING.size,
                 beam,
                 reading.stamp_s,
                 _CODES[reading.status],
@@ -136,7 +142,9 @@ class Witness:
         self._pass_on(now_s, fused, count)
 
     def _pass_on(self, now_s: float, fused: FusedState, count: int) -> None:
-        self._pose[:] = (
+        _POSE.pack_into(
+            self._pose.data,
+            0,
             now_s,
             fused.stamp_s,
             *fused.position_ned_m,
@@ -147,7 +155,7 @@ class Witness:
             fused.yaw_rate_rad_s,
             1.0 if fused.ok else 0.0,
         )
-        kernels.take(
+        denied, self._any_disputed = kernels.take(
             self._views,
             self._rings,
             self._tracks,
@@ -161,8 +169,7 @@ class Witness:
             count,
             self._pose,
         )
-
-        if self._readings[:count, kernels.Q_DENIED].any():
+        if denied:
             rows = self._readings[:count].tolist()
             self.denied += tuple(int(row[kernels.Q_BEAM]) for row in rows if row[kernels.Q_DENIED])
 
@@ -204,8 +211,9 @@ class Witness:
     @property
     def disputed(self) -> tuple[int, ...]:
         """The beams that lately showed as free what another hit in the last `take`."""
-        column = self._tracks[:, kernels.T_DISPUTED]
-        return tuple(np.flatnonzero(column).tolist()) if column.any() else ()
+        if not self._any_disputed:
+            return ()
+        return tuple(np.flatnonzero(self._tracks[:, kernels.T_DISPUTED]).tolist())
 
     def forget(self, beam: int) -> None:
         """What the beam showed before is no evidence any more, for it or against the others."""

@@ -626,7 +626,10 @@ def _said(ring, track, stamp, ranged):
 
 @njit(cache=True)
 def take(views, rings, tracks, pairs, copies, gone, clock, moving, mounts, readings, count, pose):
-    """Take in the first `count` rows of `readings`, oldest first; the pose is the tick's."""
+    """Take in the first `count` rows of `readings`, oldest first; the pose is the tick's.
+
+    (whether one is denied, whether a beam is disputed): `Q_DENIED` and `T_DISPUTED` say which.
+    """
     dt = _turn(views, gone, clock, pose)
     fade = math.exp(-dt / FADE_S)
     gone_fade = math.exp(-dt / GONE_FADE_S)
@@ -654,6 +657,12 @@ def take(views, rings, tracks, pairs, copies, gone, clock, moving, mounts, readi
     for k in range(count):
         if readings[k, Q_BEAM] >= 0.0:
             _spike(rings, tracks, copies, int(readings[k, Q_BEAM]))
+    denied = disputed = False
+    for k in range(count):
+        denied = denied or readings[k, Q_DENIED] != 0.0
+    for beam in range(len(tracks)):
+        disputed = disputed or tracks[beam, T_DISPUTED] != 0.0
+    return denied, disputed
 
 
 @njit(cache=True)
