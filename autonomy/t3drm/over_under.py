@@ -14,6 +14,7 @@ Unknown space counts as free here as in the plane; never for moving.
 
 import math
 from collections.abc import Callable, Collection, Iterable
+from typing import TypeVar
 
 import msgspec
 
@@ -21,12 +22,14 @@ from autonomy.config import GuidanceConfig, StoreysConfig
 from autonomy.geometry import Point, distance
 from autonomy.model import NoPlan, Plan
 from autonomy.t3drm.kernels import Floats
-from autonomy.t3drm.planner import Planner
+from autonomy.t3drm.planner import NoWay, Planner
 
 SAME_M = 1e-6
 """Heights nearer than this are one."""
 PACE = 0.6
 """Of the speed limit, with stops: a median flight of the furnished room."""
+
+_Failed = TypeVar("_Failed", NoPlan, NoWay)
 
 
 class Storeys(msgspec.Struct, frozen=True):
@@ -141,7 +144,7 @@ class Search:
         self._question = question
         self._thorough = thorough
         self._ways: list[Way] = []
-        self._failures: list[tuple[float, NoPlan]] = []
+        self._failures: list[tuple[float, NoPlan | NoWay]] = []
         self._waiting: list[float] = []
         self.here = self._noted(question.present_m, here)
         """What the present storey offers; a plan knows its height."""
@@ -172,7 +175,7 @@ class Search:
         """Plan at one more storey; nothing when it is decided."""
         if not self.decided:
             height_m, question = self._waiting.pop(0), self._question
-            found = self._planner.plan(
+            found = self._planner.seek(
                 question.start, question.goal, self._hits_at(height_m), question.tolerance_m
             )
             self._noted(height_m, found)
@@ -182,15 +185,16 @@ class Search:
         if self._ways:
             return min(self._ways, key=lambda way: (-self._shown_by(way), self._bid_m(way)))
         goal_m = self._question.storeys.goal_m
-        _, told = min(self._failures, key=lambda pair: abs(pair[0] - goal_m))
+        _, found = min(self._failures, key=lambda pair: abs(pair[0] - goal_m))
+        told = found.tell() if isinstance(found, NoWay) else found
         heights = sorted(height for height, _ in self._failures)
         if len(heights) == 1:
             return told
         shown = ", ".join(f"{height:.2f}" for height in heights)
         return msgspec.structs.replace(told, reason=f"{told.reason}, at every height: {shown} m")
 
-    def _noted(self, height_m: float, found: Plan | NoPlan) -> Plan | NoPlan:
-        if isinstance(found, NoPlan):
+    def _noted(self, height_m: float, found: Plan | _Failed) -> Plan | _Failed:
+        if not isinstance(found, Plan):
             self._failures.append((height_m, found))
             return found
         found = msgspec.structs.replace(found, height_m=height_m)

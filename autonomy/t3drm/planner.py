@@ -7,6 +7,7 @@ obstacles on conics; where that does not decide, the geodesic on the grid. The c
 """
 
 import math
+from collections.abc import Callable
 from enum import StrEnum
 
 import msgspec
@@ -75,6 +76,14 @@ class Scene(msgspec.Struct, frozen=True):
     def hits(self) -> Floats:
         """(n, 2) rows (north, east)."""
         return self.known.hits
+
+
+class NoWay(msgspec.Struct, frozen=True):
+    """There is no path; finding out why, in hits, takes as long as finding that out."""
+
+    reason: str
+    tell: Callable[[], NoPlan]
+    """What is to be told of it, from the hits that were asked about."""
 
 
 class Rung(msgspec.Struct, frozen=True):
@@ -157,9 +166,16 @@ class Planner:
         the start keeps less, and says how much. A goal inside a keep-out is replaced by the
         nearest free place within `tolerance_m` of it.
         """
+        found = self.seek(start, goal, hits, tolerance_m)
+        return found.tell() if isinstance(found, NoWay) else found
+
+    def seek(
+        self, start: Point, goal: Point, hits: Floats, tolerance_m: float = 0.0
+    ) -> Plan | NoWay:
+        """As `plan`, for who may not need to know what bars the way."""
         scene = Scene(start, goal, self._known_map(hits), tolerance_m)
         if self.fence.inside_distance_m(*goal) < 0.0:
-            return self._no_plan(scene, "the goal lies outside the fence", ())
+            return self._no_way(scene, "the goal lies outside the fence", None)
         best: Candidate | None = None
         rejected: list[tuple[Point, ...]] = []
         failure = Failure.CLOSED
@@ -179,7 +195,7 @@ class Planner:
             if loser is not None:
                 rejected.append(_join(loser.legs))
         if best is None:
-            return self._no_plan(scene, failure.value, self._evidence(scene, failure))
+            return self._no_way(scene, failure.value, failure)
         return self._as_plan(scene, best, tuple(rejected))
 
     # ------------------------------------------------------------ one level
@@ -424,6 +440,13 @@ class Planner:
             rejected=best.rejected + rejected,
         )
 
+    def _no_way(self, scene: Scene, reason: str, failure: Failure | None) -> NoWay:
+        def tell() -> NoPlan:
+            evidence = () if failure is None else self._evidence(scene, failure)
+            return self._no_plan(scene, reason, evidence)
+
+        return NoWay(reason, tell)
+
     def _no_plan(self, scene: Scene, reason: str, evidence: tuple[Point, ...]) -> NoPlan:
         keep_out = self.keep_outs_m[-1]
         return NoPlan(
@@ -563,7 +586,7 @@ def warm_up() -> None:
     bent = Fence(polygon_ne_m=((-2, -3), (6, -3), (6, 3), (2, 0), (-2, 3)))
     polygon = np.array(bent.outline_ne_m)
     for convex in (True, False):
-        geodesic((0.0, -2.0), (4.0, -0.9), wall, 0.2, polygon, 0.1, convex=convex)
+        geodesic((0.0, -2.0), (4.0, 0.9), wall, 0.2, polygon, 0.1, convex=convex)
     shortest_path((0.0, 0.0), (4.0, 0.1), wall, np.full(wall.shape[0], 0.2))
     Discs.of(wall, np.full(wall.shape[0], 0.2))
     # No wall for a warm-up has enough hits for the tree of boxes: it is asked itself.

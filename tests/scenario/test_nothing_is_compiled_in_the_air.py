@@ -32,6 +32,35 @@ for row in sorted(compiled() - before):
     print(*row)
 """
 
+# No flight calls all of them, so a kernel that was forgotten may show in one room of a hundred.
+UNREADY = """
+import sys
+from pathlib import Path
+from numba.core.dispatcher import Dispatcher
+from autonomy.warm import warm_up
+
+warm_up()
+callers = [path.read_text() for path in Path("autonomy").rglob("*.py")]
+for name, module in sorted(sys.modules.items()):
+    if name.startswith("autonomy") and name.endswith(".kernels"):
+        for kernel, value in vars(module).items():
+            called = any(f"kernels.{kernel}(" in text for text in callers)
+            if called and isinstance(value, Dispatcher) and not value.signatures:
+                print(name, kernel)
+"""
+
+
+def test_every_kernel_that_is_called_is_ready_after_the_warm_up() -> None:
+    start = subprocess.run(
+        [sys.executable, "-c", UNREADY],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert start.returncode == 0, start.stderr
+    assert start.stdout == ""
+
 
 @pytest.mark.parametrize("scenario", ["default", "u_trap", "sealed", "low_wall"])
 def test_a_flight_compiles_nothing(scenario: str) -> None:
