@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -55,18 +55,24 @@ def stage(rng: np.random.Generator) -> Stage:
         sigma_m=float(rng.choice([0.0, 0.01, 0.02, 0.08])),
         make=make,
         yaw_rad=float(rng.uniform(-math.pi, math.pi)),
-        position_age_s=float(rng.uniform(0.0, oldest_s(make))),
-        beams_age_s=float(rng.uniform(0.0, oldest_s(make))),
     )
 
 
-def besiege(rng: np.random.Generator, tally: Tally, most: int) -> None:
-    """One siege of at most `most` ticks; raises Violation."""
-    siege = Siege(stage(rng))
+def besiege(rng: np.random.Generator, tally: Tally, most: int, *, late: bool = True) -> None:
+    """One siege of at most `most` ticks; raises Violation. `late`: what the guard sees has an age,
+    drawn from a generator of its own: the same moves without it are another siege.
+    """
+    plan = stage(rng)
+    ages = rng.spawn(1)[0]
+    if late:
+        oldest = oldest_s(plan.make)
+        position_age_s, beams_age_s = (float(age) for age in ages.uniform(0.0, oldest, 2))
+        plan = replace(plan, position_age_s=position_age_s, beams_age_s=beams_age_s)
+    siege = Siege(plan)
     length = min(most, int(rng.integers(*LENGTHS)))
     tally.sieges += 1
     left, habit, astray = 0, _idle, (0.0, 0.0)
-    for chance, tick, blind, lost, dies, age in rng.random((length, 6)):
+    for chance, tick, blind, lost, dies in rng.random((length, 5)):
         if left == 0:
             left, habit = int(rng.integers(1, 40)), _habit(rng, siege)
             astray = (float(rng.uniform(-1.0, 1.0)), float(rng.uniform(-1.0, 1.0)))
@@ -77,7 +83,11 @@ def besiege(rng: np.random.Generator, tally: Tally, most: int) -> None:
         tally.steps += 1
         tick_s = 0.05 if tick < 0.6 else 0.025 if tick < 0.8 else 0.075
         verdict = siege.tick(
-            habit(), tick_s=tick_s, beams=bool(blind < 0.8), ok=bool(lost < 0.99), age=float(age)
+            habit(),
+            tick_s=tick_s,
+            beams=bool(blind < 0.8),
+            ok=bool(lost < 0.99),
+            age=float(ages.random()),
         )
         tally.limits.update(verdict.limits)
         # Where room is what limits, the program dies most often.

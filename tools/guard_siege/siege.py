@@ -85,12 +85,11 @@ class Stage:
     yaw_rad: float = 0.0
     position_age_s: float = 0.0
     beams_age_s: float = 0.0
-    """How old what the guard sees is at most; each tick says which part of that. With the
-    vehicle's own lateness and a tick it has room in the guard's `reaction_s`."""
+    """How old what the guard sees is at most, bounded by `oldest_s`; each tick says which part."""
 
 
 def oldest_s(make: Make) -> float:
-    """How old what the guard sees of that vehicle may be."""
+    """How old what the guard sees may be: what its `reaction_s` leaves beside vehicle and tick."""
     return min(OLDEST_S, max(0.0, LATE_S - make.link_s - make.dead_s))
 
 
@@ -110,7 +109,8 @@ class Siege:
         self.guard = Guard(self.config)
         self._ceiling_m = max(stage.ceiling_m, ALOFT_M + 0.25)
         self._sigma_m = stage.sigma_m
-        self._ages_s = (stage.position_age_s, stage.beams_age_s)
+        oldest = oldest_s(stage.make)
+        self._ages_s = (min(stage.position_age_s, oldest), min(stage.beams_age_s, oldest))
         self._past = deque([self._moment()], maxlen=round(OLDEST_S / STEP_S) + 1)
         self._now_s = 100.0
         self._yaw_rad = stage.yaw_rad

@@ -31,6 +31,7 @@ makes = st.builds(
     braking_m_s2=st.floats(0.5, 3.0),
     gain_per_s=st.just(0.95),
 )
+ages = st.sampled_from([0.0, 0.1, 0.3])
 stages = st.builds(
     Stage,
     fence=st.integers(0, 2),
@@ -40,6 +41,8 @@ stages = st.builds(
     sigma_m=st.sampled_from([0.0, 0.01, 0.02, 0.08]),
     make=makes,
     yaw_rad=angles,
+    position_age_s=ages,
+    beams_age_s=ages,
 )
 
 
@@ -95,6 +98,11 @@ class GuardUnderSiege(RuleBasedStateMachine):
     def mislead(self, north: float, east: float) -> None:
         self.siege.mislead(north, east)
 
+    @rule(part=st.floats(0.0, 1.0), velocity=vectors, ticks=st.integers(1, 10))
+    def see_newer(self, part: float, velocity: tuple[float, float, float], ticks: int) -> None:
+        for _ in range(ticks):
+            self.siege.tick(Ask(velocity), age=part)
+
     @rule(which=st.integers(0, 1), further_m=st.floats(0.0, 0.4))
     def reveal(self, which: int, further_m: float) -> None:
         self.siege.reveal(which, further_m)
@@ -120,7 +128,7 @@ def test_the_driver_finds_nothing_and_tells_what_it_did() -> None:
 
 @pytest.mark.parametrize("number", [576, 672, 2343])
 def test_sieges_that_were_lost_once_are_held(number: int) -> None:
-    besiege(np.random.default_rng((0, number)), Tally(), 1000)
+    besiege(np.random.default_rng((0, number)), Tally(), 1000, late=False)
 
 
 def test_the_same_seed_is_the_same_siege() -> None:
@@ -168,6 +176,22 @@ def test_the_oracle_notices_a_guard_with_weaker_numbers(
         return
     with pytest.raises(Violation, match=sentence):
         attack()
+
+
+def test_what_is_seen_late_takes_a_part_of_the_guard_s_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    weaker = {"reaction_s": 0.2, "blind_s": 0.0}
+    monkeypatch.setattr(under, "GuardConfig", lambda **given: GuardConfig(**(given | weaker)))
+
+    def attack(age_s: float) -> None:
+        siege = Siege(Stage(borders=((1.0, 0.0, 0.8),), position_age_s=age_s))
+        for tick in range(200):
+            siege.tick(Ask((0.3, 0.001 * (tick % 2), 0.0)))
+
+    attack(0.0)
+    with pytest.raises(Violation, match="was not seen"):
+        attack(0.25)
 
 
 def test_the_oracle_names_what_is_no_number_or_has_no_name(
