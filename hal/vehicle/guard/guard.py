@@ -212,7 +212,7 @@ class Guard:
         n, e = self._effective(offset, velocity)
         speed = math.hypot(n, e)
         if speed == 0.0:
-            if self._must_brake(n, e, sight):
+            if self._must_brake(n, e, 0.0, sight):
                 limits.append(BRAKE)
                 offset, velocity = _scaled(offset, velocity, 0.0)
             return offset, velocity, self._speed_max_m_s, self.horizon_m
@@ -220,10 +220,7 @@ class Guard:
         factor = 1.0
         if speed > way.allowed_m_s * (1.0 + ROUNDING):
             factor = way.allowed_m_s / speed
-        # What is left of a command may be so little that it says "stop".
-        brakes = self._must_brake(n, e, sight) or (
-            factor < 1.0 and self._must_brake(n * factor, e * factor, sight)
-        )
+        brakes = self._must_brake(n, e, speed * factor, sight)
         if brakes:
             limits.append(BRAKE)
         if factor < 1.0:
@@ -231,11 +228,11 @@ class Guard:
         offset, velocity = _scaled(offset, velocity, 0.0 if brakes else factor)
         return offset, velocity, way.allowed_m_s, way.free_m
 
-    def _must_brake(self, north: float, east: float, sight: Sight) -> bool:
+    def _must_brake(self, north: float, east: float, left_m_s: float, sight: Sight) -> bool:
         """The vehicle moves faster than it can stop, and the command (north, east) feeds that.
 
-        Or the command is to stop, wherever the vehicle is by now: that has no bound worth having,
-        a held position has.
+        Or what room leaves of the command, `left_m_s`, says stop wherever the vehicle is by then:
+        that has no bound worth having, a held position has.
         """
         vn, ve = sight.velocity_ned_m_s[0], sight.velocity_ned_m_s[1]
         actual = math.hypot(vn, ve)
@@ -245,7 +242,7 @@ class Guard:
         fed = north * un + east * ue
         stoppable = self._room.way(un, ue, sight).stoppable_m_s
         fed_on = fed > stoppable * (1.0 + ROUNDING)
-        return actual > stoppable and (fed_on or math.hypot(north, east) <= DRIFT_M_S)
+        return actual > stoppable and (fed_on or left_m_s <= DRIFT_M_S)
 
 
 def _scaled(offset: Vector3, velocity: Vector3, factor: float) -> tuple[Vector3, Vector3]:

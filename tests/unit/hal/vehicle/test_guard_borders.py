@@ -612,6 +612,17 @@ def test_a_command_feeds_by_its_component_along_the_motion(
         assert world.asked[1][1] == pytest.approx(math.atan2(actual[1], actual[0]))
 
 
+@pytest.mark.parametrize(("left_m_s", "brakes"), [(0.025, True), (0.035, False)])
+def test_what_room_leaves_of_a_command_may_say_stop(left_m_s: float, *, brakes: bool) -> None:
+    room_m = g.stopping_distance_m(left_m_s, CONFIG.reaction_s, CONFIG.braking_m_s2)
+    world = ToldWorld(free_m=room_m, free_elsewhere_m=0.07)
+    seen = Sight(NOW_S, NOW_S, HOME, (0.0, 0.2, 0.0), 0.0, world)
+    verdict = Guard(CONFIG).check(setpoint(velocity=(0.1, 0.0, 0.0)), seen)
+    assert verdict.limits == ((g.BRAKE, g.FREE_SPACE) if brakes else (g.FREE_SPACE,))
+    assert is_hold_at(verdict, HOME) is brakes
+    assert verdict.setpoint.velocity_ned_m_s[0] == pytest.approx(0.0 if brakes else left_m_s)
+
+
 # ---------------------------------------------------------------- escape
 
 
