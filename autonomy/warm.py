@@ -1,5 +1,6 @@
 """Compile every numba kernel before anything is armed: nothing is ever compiled in the air."""
 
+import gc
 import os
 import time
 from collections.abc import Callable
@@ -31,6 +32,9 @@ def warm_up(note: Callable[[str], None] | None = None) -> None:
         doubt.warm_up()
         planner.warm_up()
     compiling.finish()
+    # What is loaded by now stays. To look through it for garbage takes longer than a tick, and
+    # came once or twice in a flight.
+    gc.freeze()
 
 
 class _Compiling(event.Listener):  # type: ignore[misc, unused-ignore]  # numba is untyped
