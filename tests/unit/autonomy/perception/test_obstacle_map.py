@@ -1,5 +1,5 @@
 import math
-from itertools import pairwise
+from itertools import pairwise, product
 
 import msgspec
 import numpy as np
@@ -691,6 +691,8 @@ def test_after_warm_up_nothing_is_compiled_for_other_types() -> None:
     obstacles.mark_seen_disc((0, 0), 1, 2)
     obstacles.free_distance_m((0, 0, -1), 0, 1, 2)
     obstacles.nearest_hit((0, 0, -1), 1)
+    obstacles.was_free((0, 0), 1, 2)
+    obstacles.hit_cells_within((0, 0), 1)
     obstacles.hits()
     representative_hits(obstacles.hits(), 0.05)
     obstacles.shift((0.9, 0.0))
@@ -707,3 +709,18 @@ def test_after_warm_up_nothing_is_compiled_for_other_types() -> None:
     assert "integrate" in compiled
     assert "free_distance" in compiled
     assert set(compiled.values()) == {1}
+
+
+def test_a_square_of_cells_is_free_or_hit_as_its_cells_are_and_neither_off_the_grid() -> None:
+    rng = np.random.default_rng(3)
+    slot = np.where(rng.random((7, 6, kernels.LAYERS)) < 0.1, 1, -1).astype(np.int32)
+    seen = np.where(rng.random((7, 6)) < 0.9, 5.0, 1.0)
+    room = np.zeros((25, 2), dtype=np.int64)
+    for i, j, reach in product(range(-1, 8), range(-1, 7), range(3)):
+        square = (slice(i - reach, i + reach + 1), slice(j - reach, j + reach + 1))
+        on_grid = reach <= min(i, j) and i + reach < 7 and j + reach < 6
+        free = on_grid and bool(seen[square].min() >= 5.0)
+        hit = np.argwhere((slot[square] >= 0).any(axis=2)) + np.array((i - reach, j - reach))
+        assert kernels.free_since(seen, i, j, reach, 5.0) == free
+        count = kernels.hit_cells(slot, i, j, reach, room)
+        assert room[:count].tolist() == (hit.tolist() if on_grid else [])
