@@ -114,11 +114,16 @@ def test_beams_that_stay_blind_never_bear_each_other_out(fault: str) -> None:
         assert set(flown.fly(1.0).words()) >= set(LEVEL)
 
 
-def test_one_beam_that_sees_again_is_not_believed_while_the_others_are_blind() -> None:
-    back = Turning(
-        "beam_constant@8/5:beam=front", *(f"beam_constant@8:beam={b}" for b in LEVEL[1:])
-    )
-    assert set(back.fly(40.0).words()) >= set(LEVEL)
+@pytest.mark.parametrize("seeing", [1, 2])
+def test_fewer_than_three_beams_that_see_again_are_not_believed(seeing: int) -> None:
+    back = [f"beam_constant@8/5:beam={beam}" for beam in LEVEL[:seeing]]
+    blind = [f"beam_constant@8:beam={beam}" for beam in LEVEL[seeing:]]
+    assert set(Turning(*back, *blind).fly(40.0).words()) >= set(LEVEL)
+
+
+def test_two_beams_that_see_again_do_not_bear_each_other_out_while_the_others_are_silent() -> None:
+    silent = [f"beam_silence@13:beam={beam}" for beam in LEVEL[2:]]
+    assert set(Turning("beam_constant@8/5", *silent).fly(40.0).words()) >= set(LEVEL)
 
 
 def test_what_moves_accuses_nobody_and_what_moves_elsewhere_nobody_else() -> None:
