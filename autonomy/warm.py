@@ -1,5 +1,6 @@
 """Compile every numba kernel before anything is armed: nothing is ever compiled in the air."""
 
+import atexit
 import gc
 import os
 import time
@@ -35,6 +36,7 @@ def warm_up(note: Callable[[str], None] | None = None) -> None:
     # What is loaded by now stays. To look through it for garbage takes longer than a tick, and
     # came once or twice in a flight.
     gc.freeze()
+    atexit.register(gc.unfreeze)  # some libraries complain of what is left at the end
 
 
 class _Compiling(event.Listener):  # type: ignore[misc, unused-ignore]  # numba is untyped
