@@ -1,12 +1,14 @@
 """A recorded flight, after it: flown again, and summed up."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 from autonomy import pictures
 from autonomy.config import Config
 from autonomy.errors import NotReplayable
-from autonomy.flightlog.reader import FlightLog, ReplayResult, replay
+from autonomy.flightlog.reader import FlightLog, ReplayResult, compare, replay
+from autonomy.flightlog.schema import Tick
 from autonomy.geometry import Point
 from autonomy.mission.guarded import GuardedPilot
 from autonomy.model import Ending, Outcome, Plan
@@ -33,6 +35,24 @@ def replay_log(path: Path) -> ReplayResult:
     """
     log = FlightLog.open(path)
     return replay(log, GuardedPilot(recorded_config(log), log.route(), log.resumed()).step)
+
+
+def flown_again(log: FlightLog, guarded: GuardedPilot) -> Iterator[tuple[Tick, str | None]]:
+    """Every tick of the log once `guarded` has flown it, and where the two first differed so far.
+
+    A replay stops at the first difference, or gap; this goes on, for what only wants to look.
+    """
+    difference: str | None = None
+    index = -1
+    for tick in log:
+        if tick.index != index + 1 and difference is None:
+            difference = f"ticks {index + 1} to {tick.index - 1} are missing"
+        index = tick.index
+        again = guarded.step(tick.inputs)
+        if difference is None:
+            found = compare(tick.command, again)
+            difference = f"tick {index}: {found}" if found is not None else None
+        yield tick, difference
 
 
 def report_of_log(path: Path) -> FlightReport:

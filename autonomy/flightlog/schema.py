@@ -23,6 +23,10 @@ from hal.setpoints import Setpoint
 FORMAT = 1
 """Raised when logs of an older program can no longer be read."""
 
+SUFFIX = ".mcap"
+EXPORT_SUFFIX = ".foxglove.mcap"
+"""What is made from a log for other programs ends so, and is not taken for a log."""
+
 PROFILE = "autonomy"
 METADATA = "flight"
 

@@ -1,4 +1,4 @@
-"""The commands that look back at a flight: replay, report, explain."""
+"""The commands that look back at a flight: replay, report, explain, export."""
 
 from pathlib import Path
 
@@ -11,7 +11,11 @@ _LOG = click.argument("log", type=click.Path(exists=True, dir_okay=False))
 
 def register(group: click.Group) -> None:
     """Add the commands to the shell's group."""
+    _register_looks(group)
+    _register_export(group)
 
+
+def _register_looks(group: click.Group) -> None:
     @group.command()
     @_LOG
     @click.pass_context
@@ -84,3 +88,30 @@ def register(group: click.Group) -> None:
         from autonomy.review.history import history_of
 
         click.echo(in_words(history_of(Path(log)), at_s))
+
+
+def _register_export(group: click.Group) -> None:
+    @group.command()
+    @_LOG
+    @click.option(
+        "--out",
+        type=click.Path(dir_okay=False),
+        help="Where to write it; otherwise beside LOG, ending in .foxglove.mcap.",
+    )
+    @click.option(
+        "--layout",
+        type=click.Path(dir_okay=False),
+        help="Also write the layout that shows it, to be imported in Foxglove.",
+    )
+    def export(*, log: str, out: str | None, layout: str | None) -> None:
+        """Write the flight recorded in LOG so that Foxglove opens it."""
+        from autonomy.review.foxglove.export import export as write
+        from autonomy.review.foxglove.export import write_layout
+
+        written = write(Path(log), Path(out) if out is not None else None)
+        click.echo(f"{written.path}: {written.messages} messages of {written.ticks} ticks")
+        for note in written.notes:
+            click.echo(note, err=True)
+        if layout is not None:
+            write_layout(Path(layout))
+            click.echo(f"{layout}: in Foxglove, Layouts, Import from file")

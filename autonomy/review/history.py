@@ -14,9 +14,9 @@ import numpy as np
 
 from autonomy.config import Config
 from autonomy.errors import NotReplayable
-from autonomy.flightlog.reader import FlightLog, compare
+from autonomy.flightlog.reader import FlightLog
 from autonomy.geometry import Point
-from autonomy.logbook import recorded_config
+from autonomy.logbook import flown_again, recorded_config
 from autonomy.mission.guarded import GuardedPilot
 from autonomy.mission.machine import OFFBOARD_STATES
 from autonomy.model import (
@@ -125,15 +125,8 @@ def history_of(path: Path) -> History:
     config, route = recorded_config(log), log.route()
     history = History(path, config, route, log.header.scenario)
     guarded = GuardedPilot(config, route, log.resumed())
-    index = -1
-    for tick in log:
-        if tick.index != index + 1 and history.difference is None:
-            history.difference = f"ticks {index + 1} to {tick.index - 1} are missing"
-        index = tick.index
-        again = guarded.step(tick.inputs)
-        if history.difference is None:
-            found = compare(tick.command, again)
-            history.difference = f"tick {index}: {found}" if found is not None else None
+    for tick, difference in flown_again(log, guarded):
+        history.difference = difference
         _note(history, tick.command, guarded, tick.step_s)
     if not history.moments:
         raise NotReplayable(f"{path}: holds no complete tick; there is nothing to review")

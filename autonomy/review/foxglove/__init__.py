@@ -1,0 +1,1 @@
+"""A recorded flight as Foxglove's well-known messages, and the layout that shows them."""
