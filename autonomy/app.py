@@ -12,6 +12,7 @@ import signal
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -19,6 +20,7 @@ from autonomy.config import Config, load_config
 from autonomy.embedded import EmbeddedPx4
 from autonomy.errors import BadInput
 from autonomy.flight import Flight
+from autonomy.flightlog.folder import make_room
 from autonomy.flightlog.recorder import FlightRecorder
 from autonomy.handover import hand_over
 from autonomy.mission.preflight import check_route
@@ -130,7 +132,7 @@ def fly(options: FlyOptions) -> FlightReport:
                 return report
         recorder: FlightRecorder | None = None
         if options.log and mission.config.log.enabled:
-            recorder = stack.enter_context(flight_recorder(mission))
+            recorder = stack.enter_context(flight_recorder(mission, progress.note))
         progress.note("warming up the planner")
         _warm_up(progress)
         embedded: EmbeddedPx4 | None = None
@@ -280,18 +282,24 @@ async def start_yaw_rad(mission: Mission, vehicle: Vehicle) -> float:
 
 
 @contextlib.contextmanager
-def flight_recorder(mission: Mission) -> Iterator[FlightRecorder]:
+def flight_recorder(mission: Mission, tell: Callable[[str], None]) -> Iterator[FlightRecorder]:
     """The flight log, with what a stranger needs to understand and repeat the flight.
 
-    A start that failed before the first tick leaves no file. Raises BadInput when none can be made.
+    Old flights make room first; `tell` hears which, and when recording ends before its time (on
+    another thread). A start that failed before the first tick leaves no file. Raises BadInput when
+    none can be made.
     """
     options, config = mission.options, mission.config
     virtual = config.beams.virtual()
+    folder = Path(options.log_dir or config.log.directory)
+    for sentence in make_room(folder, config.log, datetime.now(UTC).timestamp()):
+        tell(sentence)
     recorder = FlightRecorder.in_folder(
-        Path(options.log_dir or config.log.directory),
+        folder,
         config_json=config.model_dump_json(),
         scenario=virtual.scenario if virtual is not None else options.scenario,
         seed=virtual.seed if virtual else options.seed if options.scenario is not None else None,
+        tell=tell,
     )
     try:
         with recorder:

@@ -334,10 +334,16 @@ class ControlConfig(Section):
 
 
 class LogConfig(Section):
-    """Where flights are recorded."""
+    """Where flights are recorded, and for how long they are kept."""
 
     directory: str = "flights"
     enabled: bool = True
+    keep_mb: NonNegative = 2000.0
+    """Before a flight the oldest ones are deleted until all take no more than this; 0: never.
+    A minute takes about 0.6 MB, so that these are some 50 hours in the air."""
+    keep_days: Positive | None = None
+    """Flights older than this are deleted before the next one; null: age alone is no reason, since
+    nobody knows beforehand which flight will be asked about."""
 
 
 class ServiceConfig(Section):

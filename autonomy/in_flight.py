@@ -20,6 +20,7 @@ import msgspec
 
 from autonomy.config import Config
 from autonomy.errors import AutonomyError, NotReplayable
+from autonomy.flightlog.folder import logs_in
 from autonomy.flightlog.reader import FlightLog, compare
 from autonomy.flightlog.schema import Tick
 from autonomy.logbook import recorded_config
@@ -123,7 +124,7 @@ def last_flight(folder: Path) -> Interrupted | None:
     and has been tried already. Takes as long as flying it again: a few seconds for ten minutes.
     Raises NotReplayable when it cannot be read.
     """
-    logs = sorted(folder.glob("*.mcap"), key=lambda path: (path.stat().st_mtime_ns, path.name))
+    logs = logs_in(folder)
     unread: NotReplayable | None = None
     for path in reversed(logs):
         try:

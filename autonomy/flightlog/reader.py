@@ -148,6 +148,15 @@ class FlightLog:
             ) from None
 
 
+def is_ours(path: Path) -> bool:
+    """True for a log that this program began to write; raises OSError when it cannot be read."""
+    try:
+        first = next(_records(path), None)
+    except _DAMAGE:
+        return False
+    return isinstance(first, Header) and first.profile == PROFILE
+
+
 def _records(path: Path) -> Iterator[McapRecord]:
     with path.open("rb") as file:
         limit = path.stat().st_size  # no record is larger than its file, whatever its length says

@@ -11,6 +11,7 @@ import platform
 import queue
 import threading
 import time
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO
@@ -20,9 +21,11 @@ from mcap.writer import CompressionType, Writer
 
 from autonomy import __version__
 from autonomy.errors import BadInput
+from autonomy.flightlog.folder import hold_for_writing
 from autonomy.flightlog.schema import (
     METADATA,
     PROFILE,
+    SUFFIX,
     TOPICS,
     FlightHeader,
     GuardRecord,
@@ -77,8 +80,11 @@ class FlightRecorder:
         *,
         queue_ticks: int = QUEUE_TICKS,
         wait_when_full: bool = False,
+        tell: Callable[[str], None] | None = None,
     ) -> None:
         """Create the file; raises BadInput when that is not possible.
+
+        `tell` is called with `failure` when recording ends before its time, on another thread.
 
         `wait_when_full` is for simulated time, where waiting costs nothing and a lost tick would
         end the replay.
@@ -88,6 +94,7 @@ class FlightRecorder:
         self._dropped = 0
         self._next = 0
         self._wait = wait_when_full
+        self._tell = tell
         # One entry a tick; None is the end.
         self._queue: queue.Queue[list[Row] | None] = queue.Queue(queue_ticks)
         try:
@@ -97,6 +104,7 @@ class FlightRecorder:
                 f"{path}: the flight log cannot be created ({error.strerror}); "
                 "choose another place with --log-dir, or fly with --no-log"
             ) from None
+        hold_for_writing(self._file.fileno())
         self._thread = threading.Thread(target=self._run, args=(header,), name="flight-recorder")
         self._thread.start()
 
@@ -109,6 +117,7 @@ class FlightRecorder:
         scenario: str | None = None,
         seed: int | None = None,
         wait_when_full: bool = False,
+        tell: Callable[[str], None] | None = None,
     ) -> "FlightRecorder":
         """A recorder in `folder` (made when missing), in a file named for the time and the world.
 
@@ -133,9 +142,9 @@ class FlightRecorder:
         )
         stem = f"{now:%Y%m%d-%H%M%S}-{world or 'flight'}"
         number = 1
-        while (path := folder / f"{stem}{f'-{number}' if number > 1 else ''}.mcap").exists():
+        while (path := folder / f"{stem}{f'-{number}' if number > 1 else ''}{SUFFIX}").exists():
             number += 1
-        return cls(path, header, wait_when_full=wait_when_full)
+        return cls(path, header, wait_when_full=wait_when_full, tell=tell)
 
     @property
     def failure(self) -> str | None:
@@ -214,6 +223,8 @@ class FlightRecorder:
         except Exception as error:  # noqa: BLE001 - a log that fails, however, never ends a flight
             reason = error.strerror if isinstance(error, OSError) else repr(error)
             self._failure = f"{self.path}: recording ended before the flight did ({reason})"
+            if self._tell is not None:
+                self._tell(self._failure)
             self._drain()
 
     def _write(self, header: FlightHeader) -> None:

@@ -9,6 +9,7 @@ import msgspec
 from autonomy.service.contract import LogFile
 
 SUFFIX = ".mcap"
+EXPORT_SUFFIX = ".foxglove.mcap"
 REPORT_SUFFIX = ".report.json"
 LISTED_MAX = 500
 _REPORT_BYTES_MAX = 1_000_000
@@ -46,7 +47,8 @@ def report_path(log: Path) -> Path:
 
 
 def _is_log(path: Path) -> bool:
-    return path.suffix == SUFFIX and not path.is_symlink() and path.is_file()
+    named = path.name.endswith(SUFFIX) and not path.name.endswith(EXPORT_SUFFIX)
+    return named and not path.is_symlink() and path.is_file()
 
 
 def _report(log: Path) -> dict[str, Any] | None:

@@ -2,6 +2,7 @@
 goes on.
 """
 
+import logging
 import traceback
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -26,6 +27,8 @@ from autonomy.serving.watch import FlightWatch, Notes
 from hal.errors import HalError
 from hal.frames import Vector3
 from hal.vehicle.deadman import Deadman
+
+_LOG = logging.getLogger("autonomy")
 
 
 class Planned(msgspec.Struct, frozen=True):
@@ -169,10 +172,14 @@ class Missions:
         if not mission.config.log.enabled:
             return None
         try:
-            return stack.enter_context(app.flight_recorder(mission))
+            return stack.enter_context(app.flight_recorder(mission, self._tell_of_log))
         except BadInput as error:
             self._parts.station.tell("log", f"flying without a log: {error}")
             return None
+
+    def _tell_of_log(self, text: str) -> None:
+        _LOG.warning("%s", text)
+        self._parts.station.tell("log", text)
 
     def _keep(self, mission_id: str, report: FlightReport) -> None:
         """The report into the mission's record, and beside its log."""

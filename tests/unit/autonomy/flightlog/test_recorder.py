@@ -1,5 +1,7 @@
 """The recorder never stands in the flight's way, and what it wrote survives whatever comes."""
 
+import errno
+import queue
 import threading
 from pathlib import Path
 
@@ -116,6 +118,31 @@ def test_a_record_that_cannot_be_written_ends_recording_not_the_flight(tmp_path:
     (note,) = recorder.notes()
     assert "recording ended before the flight did" in note
     assert "float64" in note
+
+
+def test_a_full_disk_ends_the_log_tells_it_at_once_and_never_ends_the_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    told: queue.Queue[str] = queue.Queue()
+    with FlightRecorder(
+        tmp_path / "a.mcap", HEADER, queue_ticks=2, wait_when_full=True, tell=told.put
+    ) as recorder:
+        inputs = plain_inputs(0.0)
+        recorder.tick(inputs, plain_step(inputs), 0.0)
+        monkeypatch.setattr(recording.os, "fsync", full)
+        monkeypatch.setattr(recording, "FLUSH_S", 0.0)
+        for _ in range(200):  # in flight; none of them waits for a writer that is gone
+            recorder.tick(inputs, plain_step(inputs), 0.0)
+        recorder.text(StatusText(1.0, 4, "Takeoff detected"))
+        sentence = told.get(timeout=30.0)
+    assert sentence.endswith("recording ended before the flight did (No space left on device)")
+    assert recorder.failure == sentence
+    assert recorder.notes() == (sentence,)
+    assert told.empty()
+    assert recorder.dropped > 0
 
 
 def test_a_folder_that_cannot_be_used_is_told_in_a_sentence(tmp_path: Path) -> None:
