@@ -60,7 +60,7 @@ def test_a_start_that_failed_leaves_no_flight_log(tmp_path: Path) -> None:
     seen: list[Path] = []
 
     def start() -> None:
-        with flight_recorder(mission(tmp_path)):
+        with flight_recorder(mission(tmp_path), print):
             seen.extend(tmp_path.iterdir())
             raise NoVehicle
 

@@ -1,6 +1,7 @@
 """The recorder never stands in the flight's way, and what it wrote survives whatever comes."""
 
 import errno
+import os
 import queue
 import threading
 from pathlib import Path
@@ -132,7 +133,7 @@ def test_a_full_disk_ends_the_log_tells_it_at_once_and_never_ends_the_flight(
     ) as recorder:
         inputs = plain_inputs(0.0)
         recorder.tick(inputs, plain_step(inputs), 0.0)
-        monkeypatch.setattr(recording.os, "fsync", full)
+        monkeypatch.setattr(os, "fsync", full)
         monkeypatch.setattr(recording, "FLUSH_S", 0.0)
         for _ in range(200):  # in flight; none of them waits for a writer that is gone
             recorder.tick(inputs, plain_step(inputs), 0.0)
