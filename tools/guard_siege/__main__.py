@@ -26,10 +26,7 @@ def main() -> int:
     began = time.perf_counter()
     tally = run(asked.seed, asked.steps, tell=functools.partial(print, flush=True))
     took_s = time.perf_counter() - began
-    print(
-        f"{tally.steps} steps in {tally.sieges} sieges, {tally.kills} deaths of the program:"
-        f" {len(tally.violations)} violations; {took_s:.0f} s"
-    )
+    print(f"{tally.sentence()}; {took_s:.0f} s")
     print("limits: " + ", ".join(f"{name} {count}" for name, count in tally.limits.most_common()))
     return int(bool(tally.violations))
 

@@ -13,6 +13,8 @@ from tools.guard_siege.vehicle import Make
 
 LENGTHS = (20, 400)
 """Ticks of a siege, at least and at most."""
+TELL_EVERY = 50_000
+"""Steps."""
 
 
 @dataclass
@@ -24,6 +26,13 @@ class Tally:
     kills: int = 0
     limits: Counter[str] = field(default_factory=Counter)
     violations: list[str] = field(default_factory=list)
+
+    def sentence(self) -> str:
+        """How much was done, and what was found."""
+        return (
+            f"{self.steps} steps in {self.sieges} sieges, {self.kills} deaths of the program:"
+            f" {len(self.violations)} violations"
+        )
 
 
 def stage(rng: np.random.Generator) -> Stage:
@@ -156,7 +165,7 @@ def _vector(rng: np.random.Generator, size: float, up: float) -> Vector3:
 def run(seed: int, steps: int, *, stop_at: int = 10, tell: Callable[[str], None] = print) -> Tally:
     """Sieges until `steps` ticks were flown; each has a seed of its own: (seed, number)."""
     tally = Tally()
-    number = 0
+    number = told = 0
     while tally.steps < steps and len(tally.violations) < stop_at:
         rng = np.random.default_rng((seed, number))
         try:
@@ -165,4 +174,7 @@ def run(seed: int, steps: int, *, stop_at: int = 10, tell: Callable[[str], None]
             tally.violations.append(f"siege {number}: {violation}")
             tell(tally.violations[-1])
         number += 1
+        if tally.steps >= told + TELL_EVERY:
+            told = tally.steps
+            tell(tally.sentence())
     return tally

@@ -212,7 +212,7 @@ class Guard:
         n, e = self._effective(offset, velocity)
         speed = math.hypot(n, e)
         if speed == 0.0:
-            if self._must_brake(n, e, 0.0, sight):
+            if self._must_brake(n, e, speed, sight):
                 limits.append(BRAKE)
                 offset, velocity = _scaled(offset, velocity, 0.0)
             return offset, velocity, self._speed_max_m_s, self.horizon_m
