@@ -19,9 +19,11 @@ help: ## show this
 fly: .venv/.core ## a simulated flight, from nothing: make fly [GOAL=4,3] [SCENARIO=default]
 	$(BIN)/autonomy fly $(FLY)
 
-test: .venv/.dev ## the whole suite: unit, contract, paper, architecture, scenario, integration
-	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration" tests
+test: .venv/.dev ## the whole suite: unit, contract, paper, architecture, scenario, integration, browser
+	$(BIN)/python -m tools.chromium
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration and not browser" tests
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m integration tests
+	$(BIN)/python -m pytest -q -m browser tests/browser
 
 test-fast: .venv/.dev ## what needs no flight: unit, contract, paper, architecture
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration" $(QUICK)
@@ -29,9 +31,9 @@ test-fast: .venv/.dev ## what needs no flight: unit, contract, paper, architectu
 conformance: .venv/.dev ## measured PX4 beside the mock, or beside a PX4: make conformance [CONNECTION=udpin://0.0.0.0:14540]
 	$(BIN)/python -m pytest -q --deviations $(if $(CONNECTION),--connection $(CONNECTION)) $(CONFORMANCE) tests/conformance
 
-test-browser: .venv/.dev ## the service's page in a real browser; needs Debian's chromium
-	$(BIN)/python -m pip install -q --prefer-binary -e ".[dev,browser]"
-	$(BIN)/python -m pytest -q tests/browser/page_in_chromium.py
+test-browser: .venv/.dev ## the service's page in a real browser: Debian's chromium, installed when root
+	$(BIN)/python -m tools.chromium
+	$(BIN)/python -m pytest -q -m browser tests/browser
 
 check: .venv/.dev ## lint, format, types, layers
 	$(BIN)/ruff check .

@@ -20,14 +20,41 @@ variance), the largest over the axes; a measurement is fused when it is <= 1, el
 """
 
 import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import ModuleType, SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 
 from autonomy.geometry import Point
 from hal.frames import ZERO3, Vector3
+
+
+@contextmanager
+def _without_scipy_stats() -> Iterator[None]:
+    """filterpy's package asks for scipy.stats: 31 MB for densities that nothing here calls."""
+    name = "scipy.stats"
+    if name in sys.modules:
+        yield
+        return
+    stand_in = ModuleType(name)
+    vars(stand_in).update(norm=None, multivariate_normal=SimpleNamespace(logpdf=_no_density))
+    sys.modules[name] = stand_in
+    try:
+        yield
+    finally:
+        del sys.modules[name]
+
+
+def _no_density(*_: Any, **__: Any) -> None:
+    """filterpy tries its arguments when it is imported, and no more."""
+
+
+with _without_scipy_stats():
+    from filterpy.kalman import KalmanFilter
 
 Matrix = NDArray[np.float64]
 

@@ -136,6 +136,31 @@ class GuardView(msgspec.Struct, frozen=True):
     why: tuple[str, ...] = ()
 
 
+class FaultView(msgspec.Struct, frozen=True):
+    """One row of the table of faults, and what this flight, or the last one, has seen of it."""
+
+    name: str
+    words: str
+    """What it is."""
+    response: str
+    """slow, stop, hold, return, land, let go: as the configuration chooses."""
+    active: bool
+    times: int
+    """How often it began."""
+    first_s: float | None
+    last_s: float | None
+    """On the service's monotonic clock."""
+
+
+class MoverView(msgspec.Struct, frozen=True):
+    """Something that was not there before; `moving` is False while that is not certain."""
+
+    centre: Point
+    velocity: Point
+    radius_m: float
+    moving: bool
+
+
 class FlightView(msgspec.Struct, frozen=True):
     """The mission being flown, or the last one."""
 
@@ -163,6 +188,9 @@ class State(msgspec.Struct, frozen=True, tag="state"):
     flight: FlightView | None
     filter: FilterView | None = None
     """None while nothing is flown."""
+    faults: tuple[FaultView, ...] = ()
+    """Those that this flight has seen, the present ones first."""
+    movers: tuple[MoverView, ...] = ()
 
 
 class Room(msgspec.Struct, frozen=True, tag="room"):
@@ -229,6 +257,23 @@ class EventView(msgspec.Struct, frozen=True, tag="event"):
     time_utc: str
     name: str
     why: str
+
+
+class ReelFrame(msgspec.Struct, frozen=True):
+    """What changed until `at_s` seconds after the flight's first tick, and the state then."""
+
+    at_s: float
+    messages: tuple[State | Room | Hits | PlanView | Track | EventView, ...]
+
+
+class Reel(msgspec.Struct, frozen=True):
+    """A recorded flight to look back at: what the stream would have told, with its time. An event's
+    `time_utc` is in seconds since the first tick here.
+    """
+
+    log: str
+    duration_s: float
+    frames: tuple[ReelFrame, ...]
 
 
 Message = State | Room | Hits | PlanView | Track | EventView

@@ -14,7 +14,9 @@ _TYPES = (
     contract.EventView,
     contract.MissionOrder,
     contract.MissionRecord,
+    contract.FaultView,
     contract.LogFile,
+    contract.Reel,
     contract.Problem,
 )
 _REF = "#/components/schemas/{name}"
@@ -64,6 +66,7 @@ def _paths() -> dict[str, Any]:
     mission_id = _parameter("id", "The mission's id.")
     log_name = _parameter("name", "The log's name.")
     nothing_there = _problem("There is none of that name.")
+    made = {"404": nothing_there, "422": _problem("A log that cannot be flown again.")}
     refused = {"409": _problem("Not now; the sentence says why.")}
     return {
         "/v1/health": {"get": _reads("Is it there, what is it doing", "Health", token=False)},
@@ -72,6 +75,9 @@ def _paths() -> dict[str, Any]:
         "/v1/room": {"get": _reads("What does not change in a flight", "Room")},
         "/v1/plan": {"get": _with(_reads("The newest plan", "PlanView"), {"404": nothing_there})},
         "/v1/events": {"get": _reads("What happened, oldest first", "EventView", many=True)},
+        "/v1/faults": {
+            "get": _reads("The table of faults, and what this flight saw", "FaultView", many=True)
+        },
         "/v1/config": {"get": _reads("The effective configuration", None)},
         "/v1/missions": {
             "get": _reads("All missions, newest first", "MissionRecord", many=True),
@@ -86,7 +92,6 @@ def _paths() -> dict[str, Any]:
                     "413": _problem("Too long."),
                     "415": _problem("Not JSON."),
                     "422": _problem("Not a mission, or one that must not be flown."),
-                    "429": _problem("Too many at once."),
                     **refused,
                     **_DENIED,
                 },
@@ -137,6 +142,21 @@ def _paths() -> dict[str, Any]:
                 },
             },
         },
+        "/v1/logs/{name}/reel": {
+            "parameters": [log_name],
+            "get": _with(_reads("A flight to look back at", "Reel"), made),
+        },
+        "/v1/logs/{name}/report": {
+            "parameters": [log_name],
+            "get": {
+                "summary": "A flight's report as a page",
+                "responses": {
+                    "200": {"description": "HTML.", "content": {"text/html": {}}},
+                    **made,
+                    **_DENIED,
+                },
+            },
+        },
         "/metrics": {
             "get": {
                 "summary": "Prometheus",
@@ -165,6 +185,7 @@ _DENIED: dict[str, Any] = {
     "401": _problem("A token is needed."),
     "403": _problem("Another web page asked."),
     "421": _problem("Not under that name."),
+    "429": _problem("Too much at once; wait a little."),
 }
 
 

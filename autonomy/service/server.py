@@ -14,7 +14,7 @@ from starlette.types import ASGIApp
 
 from autonomy.config import ServiceConfig
 from autonomy.errors import AutonomyError, BadInput
-from autonomy.service.api import Access
+from autonomy.service.gate import Access
 from hal.errors import PortInUse
 
 TOKEN_CHARACTERS_MIN = 20

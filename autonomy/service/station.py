@@ -23,6 +23,7 @@ from autonomy.mission.sensing import Sensing
 from autonomy.model import Command, Event, NoPlan, OperatorCommand, Plan
 from autonomy.service.contract import EventView, MissionOrder, MissionRecord, MissionStatus, Phase
 from autonomy.service.lock import utc_now
+from autonomy.service.sightings import Sightings, ending_faults
 from hal.drops import Dropped
 from hal.readings import Attitude, LocalPosition, RangeReading, VehicleStatus
 
@@ -74,15 +75,24 @@ class Drawn:
     track: list[Point] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     """Tracks and events only grow: another thread may read what is there."""
+    faults: Sightings = field(default_factory=Sightings)
 
 
 class Station:
     """The meeting place. Methods say which side calls them."""
 
-    def __init__(self, config: Config, check: Callable[[MissionOrder], None]) -> None:
-        """`check` raises BadInput for an order that must not be flown; called on the web side."""
+    def __init__(
+        self,
+        config: Config,
+        check: Callable[[MissionOrder], None],
+        utc: Callable[[], str] = utc_now,
+    ) -> None:
+        """`check` raises BadInput for an order that must not be flown; called on the web side.
+        `utc` stamps events.
+        """
         self.config = config
         self._check = check
+        self._utc = utc
         self.phase = Phase.WAITING
         self.why = "starting"
         self.instant: Instant | None = None
@@ -111,7 +121,7 @@ class Station:
         """One event. Either side may call it."""
         with self._lock:
             self._events_told += 1
-            event = EventView(self._events_told, utc_now(), name, why)
+            event = EventView(self._events_told, self._utc(), name, why)
             self.events = (*self.events[1 - EVENTS_KEPT :], event)
 
     def vehicle_gone(self) -> None:
@@ -145,6 +155,9 @@ class Station:
             point = (fused.point[0] + drawn.flown.offset[0], fused.point[1] + drawn.flown.offset[1])
             if not drawn.track or distance(drawn.track[-1], point) > _TRACK_STEP_M:
                 drawn.track.append(point)
+        drawn.faults.note(
+            decision.now_s, (*ending_faults(decision.outcome, status), *decision.faults)
+        )
         for event in decision.events:
             self.why = event.why
             drawn.events.append(event)

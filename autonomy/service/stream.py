@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import msgspec
 
 from autonomy.service import view
-from autonomy.service.contract import Room, Track
+from autonomy.service.contract import Message, Room, Track
 from autonomy.service.station import Station
 
 _HITS_EVERY = 4
@@ -13,7 +13,7 @@ _HITS_EVERY = 4
 
 
 class Cursor:
-    """How far one watcher has been told; `news` brings it up to date."""
+    """How far one watcher has been told; `news` or `changes` bring it up to date."""
 
     def __init__(self, station: Station, room: Room) -> None:
         self._station = station
@@ -26,20 +26,22 @@ class Cursor:
         self._turn = 0
 
     def news(self) -> Iterator[str]:
-        """JSON texts: what changed since the last call, and the state now."""
-        encode = msgspec.json.encode
+        """`changes` as JSON texts."""
+        return (msgspec.json.encode(message).decode() for message in self.changes())
+
+    def changes(self) -> Iterator[Message]:
+        """What changed since the last call, and the state now."""
         if self._room is not None:
-            yield encode(self._room).decode()
+            yield self._room
             self._room = None
         for event in self._station.events:
             if event.number > self._event:
                 self._event = event.number
-                yield encode(event).decode()
-        for message in self._drawn():
-            yield encode(message).decode()
-        yield encode(view.state(self._station)).decode()
+                yield event
+        yield from self._drawn()
+        yield view.state(self._station)
 
-    def _drawn(self) -> Iterator[msgspec.Struct]:
+    def _drawn(self) -> Iterator[Message]:
         """Changes of the picture."""
         drawn = self._station.drawn
         if drawn is None:

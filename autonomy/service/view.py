@@ -7,7 +7,7 @@ import numpy as np
 
 from autonomy.config import Config
 from autonomy.geometry import Point
-from autonomy.model import SOURCES, FusedState, NoPlan, Obstacle
+from autonomy.model import SOURCES, FusedState, MovingObstacle, NoPlan, Obstacle
 from autonomy.service.contract import (
     BeamView,
     FilterView,
@@ -15,6 +15,7 @@ from autonomy.service.contract import (
     GuardView,
     Hits,
     LegView,
+    MoverView,
     ObstacleView,
     PlanView,
     Room,
@@ -23,6 +24,7 @@ from autonomy.service.contract import (
     Track,
     VehicleView,
 )
+from autonomy.service.sightings import seen
 from autonomy.service.station import Drawn, Instant, Station
 from hal.config import BeamMount
 from hal.readings import RangeReading, RangeStatus
@@ -58,6 +60,18 @@ def state(station: Station) -> State:
         guard=guard,
         flight=_flight(instant, drawn),
         filter=estimate(command.decision.fused) if command is not None else None,
+        faults=seen(station.config, drawn.faults) if command is not None and drawn else (),
+        movers=_movers(command.decision.movers, drawn) if command is not None else (),
+    )
+
+
+def _movers(movers: tuple[MovingObstacle, ...], drawn: Drawn | None) -> tuple[MoverView, ...]:
+    offset = drawn.flown.offset if drawn is not None else (0.0, 0.0)
+    return tuple(
+        MoverView(
+            _moved((mover.point,), offset)[0], mover.velocity_ne_m_s, mover.radius_m, mover.moving
+        )
+        for mover in movers
     )
 
 

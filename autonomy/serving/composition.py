@@ -1,7 +1,6 @@
 """From what was typed to a running service."""
 
 import asyncio
-import gc
 import logging
 import os
 import sys
@@ -21,6 +20,7 @@ from autonomy.service.server import WebServer, access_of, listening_socket, url_
 from autonomy.service.station import Station
 from autonomy.service.systemd import Notifier
 from autonomy.serving.desk import Desk
+from autonomy.serving.memory import settle
 from autonomy.serving.parts import Parts, real_drivers
 from autonomy.serving.service import Service
 from autonomy.simulation import with_scenario
@@ -85,7 +85,7 @@ def serve(options: ServeOptions) -> int:
         stack.enter_context(WebServer(api.application(), listening))
         _LOG.info("listening on %s", url_of(listening))
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
-        gc.freeze()
+        settle()
         parts = Parts(config, desk, station, metrics, notifier, real_drivers(config))
         asyncio.run(Service(parts).run())
     return int(ExitCode.GOAL_REACHED)

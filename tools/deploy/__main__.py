@@ -68,7 +68,7 @@ def install(source: str) -> None:
     if not (PREFIX / "bin" / "python").exists():
         run(sys.executable, "-m", "venv", str(PREFIX))
     pip = (str(PREFIX / "bin" / "python"), "-m", "pip", "install", "--quiet", "--upgrade")
-    run(*pip, f"{source}[service,hardware]")
+    run(*pip, f"{source}[service,hardware,plots]")
     link(COMMAND, PREFIX / "bin" / "autonomy")
     SETTINGS.mkdir(mode=0o755, exist_ok=True)
     settings = SETTINGS / "config.yaml"

@@ -15,8 +15,9 @@ import numpy as np
 from starlette.types import ASGIApp, Message, Scope
 
 from autonomy.config import Config
-from autonomy.service.api import Access, Api
+from autonomy.service.api import Api
 from autonomy.service.contract import MissionOrder, Phase
+from autonomy.service.gate import Access
 from autonomy.service.metrics import Metrics
 from autonomy.service.openapi import document
 from autonomy.service.station import Instant, Station

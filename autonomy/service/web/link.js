@@ -16,7 +16,7 @@ export function keepToken(value) {
 }
 
 /** Ask the service; resolves to its JSON, throws an Error with its sentence (and `status`). */
-export async function ask(method, path, body) {
+export async function ask(method, path, body, patience = 4000) {
   const headers = {};
   if (token()) headers.Authorization = `Bearer ${token()}`;
   if (body !== undefined) headers["Content-Type"] = "application/json";
@@ -26,7 +26,7 @@ export async function ask(method, path, body) {
       method,
       headers,
       body: body === undefined ? undefined : JSON.stringify(body),
-      signal: AbortSignal.timeout(4000),
+      signal: AbortSignal.timeout(patience),
     });
   } catch {
     throw new Error("the service does not answer");
@@ -40,11 +40,14 @@ export async function ask(method, path, body) {
   return answer;
 }
 
-/** Save a flight log; a plain link could not carry the token. */
-export async function save(name) {
+/** Save what `path` answers as a file; a plain link could not carry the token. */
+export async function save(path, name) {
   const headers = token() ? { Authorization: `Bearer ${token()}` } : {};
-  const response = await fetch(`/v1/logs/${encodeURIComponent(name)}`, { headers });
-  if (!response.ok) throw new Error(`${name} cannot be read`);
+  const response = await fetch(path, { headers });
+  if (!response.ok) {
+    const answer = await response.json().catch(() => ({}));
+    throw new Error(answer.error || `${name} cannot be read`);
+  }
   const link = document.createElement("a");
   link.href = URL.createObjectURL(await response.blob());
   link.download = name;

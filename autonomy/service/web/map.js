@@ -1,5 +1,7 @@
 // The room from above: north up, east right, metres. Draws; knows nothing of the service.
 
+import { Scene } from "./scene.js";
+
 const NAMES = [
   "map", "grid", "grid-strong", "outside", "vehicle", "track", "beam", "goal", "discrete",
   "continuous", "fresh", "keepout", "straight", "tangent", "arc", "hyperbola", "geodesic",
@@ -11,13 +13,13 @@ export class RoomMap {
   constructor(canvas, { onPick, onHover }) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
-    this.room = null;
+    this.scene = new Scene();
     this.view = null; // { n, e, scale }; null shows all
     this.cursor = null;
     this.asked = null;
     this.onPick = onPick;
     this.onHover = onHover;
-    this.forget();
+    this.groundDirty = true;
     this.readColours();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       this.readColours();
@@ -28,14 +30,11 @@ export class RoomMap {
     this.resize();
   }
 
-  /** A new flight, or a new connection: nothing drawn before is true any more. */
-  forget() {
-    this.state = null;
-    this.hits = [];
-    this.plan = null;
-    this.track = [];
-    this.groundDirty = true;
-    this.draw();
+  /** Draw this scene from now on. */
+  show(scene) {
+    const same = ["room", "hits", "plan"].every((part) => scene[part] === this.scene[part]);
+    this.scene = scene;
+    if (same) this.draw(); else this.touchGround();
   }
 
   readColours() {
@@ -43,25 +42,6 @@ export class RoomMap {
     this.colour = Object.fromEntries(
       NAMES.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]),
     );
-  }
-
-  // ------------------------------------------------------------ what is told
-
-  take(message) {
-    switch (message.type) {
-      case "room": this.room = message; this.touchGround(); break;
-      case "hits": this.hits = message.points; this.touchGround(); break;
-      case "plan": this.plan = message; this.touchGround(); break;
-      case "track":
-        if (message.start === 0 && message.points.length === 0) {
-          this.hits = []; this.plan = null; this.track = []; this.touchGround();
-        }
-        this.track.length = message.start;
-        this.track.push(...message.points);
-        this.draw();
-        break;
-      case "state": this.state = message; this.draw(); break;
-    }
   }
 
   touchGround() {
@@ -89,7 +69,7 @@ export class RoomMap {
   }
 
   bounds() {
-    const fence = this.room ? this.room.fence : [[-3, -3], [3, 3]];
+    const fence = this.scene.room ? this.scene.room.fence : [[-3, -3], [3, 3]];
     const norths = fence.map((p) => p[0]);
     const easts = fence.map((p) => p[1]);
     return [Math.min(...norths), Math.max(...norths), Math.min(...easts), Math.max(...easts)];
@@ -193,7 +173,7 @@ export class RoomMap {
     const step = steps[event.key];
     if (step) {
       const length = event.shiftKey ? 0.5 : 0.1;
-      const from = this.cursor ?? this.state?.vehicle?.position ?? [this.eye().n, this.eye().e];
+      const from = this.cursor ?? this.scene.state?.vehicle?.position ?? [this.eye().n, this.eye().e];
       const round = (value) => Math.round(value * 100) / 100;
       this.cursor = [round(from[0] + step[0] * length), round(from[1] + step[1] * length)];
       this.onHover(this.cursor);
@@ -233,8 +213,9 @@ export class RoomMap {
     c.setTransform(1, 0, 0, 1, 0, 0);
     c.drawImage(this.ground, 0, 0);
     c.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
-    this.line(c, this.track, "track", 2);
+    this.line(c, this.scene.track, "track", 2);
     this.goals(c);
+    this.movers(c);
     this.beams(c);
     this.vehicle(c);
     if (this.cursor && document.activeElement === this.canvas) this.cross(c, this.cursor, "accent");
@@ -247,9 +228,9 @@ export class RoomMap {
     c.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     c.fillStyle = this.colour.outside;
     c.fillRect(0, 0, this.width, this.height);
-    if (this.room) {
+    if (this.scene.room) {
       c.beginPath();
-      this.trace(c, this.room.fence);
+      this.trace(c, this.scene.room.fence);
       c.closePath();
       c.fillStyle = this.colour.map;
       c.fill();
@@ -257,12 +238,12 @@ export class RoomMap {
     this.grid(c);
     this.spheres(c);
     this.obstacles(c);
-    if (this.room) {
+    if (this.scene.room) {
       c.setLineDash([9, 6]);
-      this.line(c, [...this.room.fence, this.room.fence[0]], "fence", 1.5);
+      this.line(c, [...this.scene.room.fence, this.scene.room.fence[0]], "fence", 1.5);
       c.setLineDash([]);
     }
-    if (this.plan) this.paths(c);
+    if (this.scene.plan) this.paths(c);
   }
 
   grid(c) {
@@ -289,7 +270,7 @@ export class RoomMap {
 
   /** Keep-out spheres: drawn opaque on a sheet of their own, so that overlaps do not add up. */
   spheres(c) {
-    const radius = this.plan?.keep_out_m || 0;
+    const radius = this.scene.plan?.keep_out_m || 0;
     if (!radius) return;
     const sheet = this.keepOut.getContext("2d");
     sheet.setTransform(1, 0, 0, 1, 0, 0);
@@ -298,7 +279,7 @@ export class RoomMap {
     sheet.fillStyle = this.colour.keepout;
     const size = radius * this.eye().scale;
     sheet.beginPath();
-    for (const hit of this.hits) {
+    for (const hit of this.scene.hits) {
       const [x, y] = this.toPixel(hit);
       sheet.moveTo(x + size, y);
       sheet.arc(x, y, size, 0, 2 * Math.PI);
@@ -312,8 +293,8 @@ export class RoomMap {
   /** Discrete: a filled disc. Continuous: a chain of squares. Not yet classified: small dots. */
   obstacles(c) {
     const scale = this.eye().scale;
-    this.dots(c, this.hits, "fresh", Math.max(1.5, 0.012 * scale));
-    for (const obstacle of this.plan?.obstacles ?? []) {
+    this.dots(c, this.scene.hits, "fresh", Math.max(1.5, 0.012 * scale));
+    for (const obstacle of this.scene.plan?.obstacles ?? []) {
       if (obstacle.kind === "discrete") {
         const [x, y] = this.toPixel(obstacle.centre);
         const size = Math.max(4, obstacle.radius_m * scale);
@@ -334,13 +315,13 @@ export class RoomMap {
         }
       }
     }
-    this.dots(c, this.plan?.evidence ?? [], "bad", 3);
+    this.dots(c, this.scene.plan?.evidence ?? [], "bad", 3);
   }
 
   paths(c) {
     c.setLineDash([4, 5]);
-    for (const line of this.plan.rejected) this.line(c, line, "rejected", 1.2);
-    for (const leg of this.plan.legs) {
+    for (const line of this.scene.plan.rejected) this.line(c, line, "rejected", 1.2);
+    for (const leg of this.scene.plan.legs) {
       c.setLineDash(LEG_DASH[leg.kind] ?? []);
       this.line(c, leg.points, leg.kind, leg.kind === "arc" ? 4 : 3);
     }
@@ -348,7 +329,7 @@ export class RoomMap {
   }
 
   goals(c) {
-    const goals = this.state?.flight?.goals ?? [];
+    const goals = this.scene.state?.flight?.goals ?? [];
     goals.forEach((goal, index) => {
       const [x, y] = this.toPixel(goal);
       c.strokeStyle = c.fillStyle = this.colour.goal;
@@ -359,8 +340,22 @@ export class RoomMap {
     });
   }
 
+  /** What moves: a ring where it is, and where it will be in a second. */
+  movers(c) {
+    const scale = this.eye().scale;
+    for (const { centre, velocity, radius_m: radius, moving } of this.scene.state?.movers ?? []) {
+      const [x, y] = this.toPixel(centre);
+      c.strokeStyle = this.colour.bad;
+      c.lineWidth = 2;
+      c.setLineDash(moving ? [] : [3, 4]);
+      c.beginPath(); c.arc(x, y, Math.max(5, radius * scale), 0, 2 * Math.PI); c.stroke();
+      c.setLineDash([]);
+      if (moving) this.line(c, [centre, [centre[0] + velocity[0], centre[1] + velocity[1]]], "bad", 2);
+    }
+  }
+
   beams(c) {
-    for (const beam of this.state?.beams ?? []) {
+    for (const beam of this.scene.state?.beams ?? []) {
       if (!beam.origin) continue;
       const sick = beam.health !== "ok";
       const seen = beam.sees === "hit" || beam.sees === "too near";
@@ -379,10 +374,10 @@ export class RoomMap {
   }
 
   vehicle(c) {
-    const vehicle = this.state?.vehicle;
+    const vehicle = this.scene.state?.vehicle;
     if (!vehicle) return;
     const [x, y] = this.toPixel(vehicle.position);
-    const size = Math.max(7, (this.room?.body_radius_m ?? 0.15) * this.eye().scale);
+    const size = Math.max(7, (this.scene.room?.body_radius_m ?? 0.15) * this.eye().scale);
     const colour = this.colour[vehicle.position_ok ? "vehicle" : "bad"];
     c.save();
     c.translate(x, y);

@@ -1,14 +1,17 @@
-// Words, numbers and orders around the map.
+// The page: what is told, what is asked for.
 
-import { ask, keepToken, save, Stream } from "./link.js";
+import { $, put, say } from "./elements.js";
+import { listFlights, LookBack } from "./flights.js";
+import { ask, keepToken, Stream } from "./link.js";
 import { RoomMap } from "./map.js";
+import { Scene } from "./scene.js";
+import { showWords } from "./words.js";
 
-const $ = (id) => document.getElementById(id);
 const STALE_MS = 1500;
 const EVENTS_SHOWN = 60;
 
-let room = null;
-let state = null;
+const live = new Scene();
+const liveEvents = [];
 let heardAt = 0;
 let connected = false;
 
@@ -16,18 +19,58 @@ const map = new RoomMap($("map"), {
   onPick: (point) => propose(point),
   onHover: ([n, e]) => { $("hover").textContent = `N ${n.toFixed(2)}  E ${e.toFixed(2)}`; },
 });
+map.show(live);
 $("zoom-in").onclick = () => map.zoom(1.4);
 $("zoom-out").onclick = () => map.zoom(1 / 1.4);
 $("zoom-all").onclick = () => map.showAll();
 
-// ---------------------------------------------------------------- the stream
+// ---------------------------------------------------------------- what was
+
+const lookBack = new LookBack({
+  onScene: (scene, reel, seconds) => {
+    map.show(scene);
+    showWords(scene.state);
+    showReelEvents(reel, seconds);
+  },
+  onLive: () => {
+    map.show(live);
+    map.touchGround();
+    $("events").replaceChildren(...liveEvents.map(eventItem));
+    if (live.state) showWords(live.state);
+  },
+});
+const flights = () => listFlights(lookBack);
+
+/** All that happened in the flight, newest first; what is yet to come is pale. Each leads there. */
+function showReelEvents(reel, seconds) {
+  const list = $("events");
+  if (list.dataset.log !== reel.log || !list.querySelector("button")) {
+    list.dataset.log = reel.log;
+    list.replaceChildren(...reel.events.toReversed().map((event) => {
+      const item = document.createElement("li");
+      const button = document.createElement("button");
+      button.type = "button";
+      button.onclick = () => lookBack.at(Math.ceil(event.at * 10) / 10);
+      button.append(timeOf(`${event.at.toFixed(1)} s`), event.why);
+      item.append(button);
+      item.dataset.at = event.at;
+      return item;
+    }));
+  }
+  for (const item of list.children) item.classList.toggle("later", Number(item.dataset.at) > seconds + 0.15);
+}
+
+// ---------------------------------------------------------------- what is
 
 new Stream({
   onOpen: () => {
     connected = true;
-    state = null;
-    map.forget();
-    $("events").replaceChildren();
+    live.forget();
+    liveEvents.length = 0;
+    if (!lookBack.isOpen) {
+      map.touchGround();
+      $("events").replaceChildren();
+    }
     flights();
   },
   onLost: () => {
@@ -36,16 +79,17 @@ new Stream({
     ask("GET", "/v1/room").catch((error) => { if (error.status === 401) askToken(); });
   },
   onMessage: (message) => {
-    map.take(message);
+    const before = live.state?.phase;
+    const ground = live.take(message);
+    if (!lookBack.isOpen) {
+      if (ground) map.touchGround(); else map.draw();
+    }
     if (message.type === "state") {
       heardAt = performance.now();
-      const over = state?.phase === "flying" && message.phase !== "flying";
-      state = message;
-      show();
-      if (over) flights();
+      show(message);
+      if (before === "flying" && message.phase !== "flying") flights();
     } else if (message.type === "room") {
-      room = message;
-      $("scenario").textContent = room.scenario ? `simulated: ${room.scenario}` : "";
+      $("scenario").textContent = message.scenario ? `simulated: ${message.scenario}` : "";
     } else if (message.type === "event") {
       addEvent(message);
     }
@@ -54,110 +98,38 @@ new Stream({
 
 setInterval(() => {
   const stale = !connected || performance.now() - heardAt > STALE_MS;
-  $("map").classList.toggle("stale", stale);
+  $("map").classList.toggle("stale", stale && !lookBack.isOpen);
   $("link-lost").hidden = !stale;
   $("link-lost").textContent = connected ? "no news from the service" : "no connection to the service";
 }, 250);
 
-// ---------------------------------------------------------------- words and numbers
-
-function put(id, text, level = "") {
-  const element = $(id);
-  if (element.textContent !== text) element.textContent = text;
-  if (element.className !== level) element.className = level;
-}
-
-function show() {
-  const { phase, vehicle, flight, guard } = state;
-  put("phase", phase, `pill ${phase}`);
-  put("why", state.why);
-  put("n-state", flight ? flight.state : phase);
-  put("n-togo", flight ? `${flight.distance_to_go_m.toFixed(2)} m` : "–");
-  put("n-clearance", flight ? clearance(flight.clearance_m) : "–", flight && flight.clearance_m < 0.2 ? "warn" : "");
-  put("n-replans", flight ? `${flight.stops} / ${flight.replans}` : "–");
-  put("n-speed", vehicle ? `${vehicle.speed_m_s.toFixed(2)} m/s` : "–");
-  put("n-height", vehicle ? `${Math.max(0, vehicle.height_m).toFixed(2)} m` : "–");
-  put("n-mode", vehicle ? vehicle.mode : "–");
-  put("n-guard", guard?.limits.length ? guard.limits.join(", ").replaceAll("_", " ") : guard ? "open" : "–",
-    guard?.limits.length ? "warn" : "");
-  $("n-guard").title = guard?.why.join("; ") ?? "";
+/** The phase and the orders are always of now; the rest is, unless a past flight is looked at. */
+function show(state) {
+  put("phase", state.phase, `pill ${state.phase}`);
   put("hold", held() ? "Go on" : "Hold", "land");
-  battery(vehicle);
-  link(vehicle);
-  beams();
-  filter();
+  if (!lookBack.isOpen) showWords(state);
 }
 
-const clearance = (metres) => (metres >= 1 ? "over 1 m" : `${metres.toFixed(2)} m`);
-
-function battery(vehicle) {
-  const left = vehicle?.battery;
-  if (left === null || left === undefined) return put("n-battery", "unknown");
-  return put("n-battery", `${Math.round(left * 100)} %`, left < 0.15 ? "bad" : left < 0.25 ? "warn" : "");
+function timeOf(text, stamp) {
+  const time = document.createElement("time");
+  if (stamp) time.dateTime = stamp;
+  time.textContent = text;
+  return time;
 }
 
-function link(vehicle) {
-  if (!vehicle) return put("n-link", "–");
-  const age = vehicle.link_age_s;
-  return age > 1.5
-    ? put("n-link", `silent ${age.toFixed(0)} s`, "bad")
-    : put("n-link", age > 0.5 ? "slow" : "ok", age > 0.5 ? "warn" : "");
-}
-
-function beams() {
-  const list = $("beams");
-  while (list.children.length > state.beams.length) list.lastChild.remove();
-  state.beams.forEach((beam, index) => {
-    let item = list.children[index];
-    if (!item) {
-      item = document.createElement("li");
-      item.append(document.createElement("span"), document.createElement("span"));
-      list.append(item);
-    }
-    const range = beam.sees === "hit" ? `${beam.range_m.toFixed(2)} m` : beam.sees;
-    const name = `${beam.name}: ${beam.health === "ok" ? range : "–"}`;
-    if (item.children[0].textContent !== name) item.children[0].textContent = name;
-    if (item.children[1].textContent !== beam.health) item.children[1].textContent = beam.health;
-    item.children[1].className = `health ${beam.health === "ok" ? "ok" : "sick"}`;
-  });
-}
-
-function filter() {
-  const found = state.filter;
-  $("filter").hidden = !found?.sources.length;
-  if (!found) return;
-  const apart = found.gnss_apart_m === null ? "" : `, GNSS ${found.gnss_apart_m.toFixed(1)} m apart`;
-  put("filter-words", `±${(found.position_sigma_m * 100).toFixed(1)} cm in the autopilot's frame${apart}`, "quiet small");
-  const rows = $("filter-rows");
-  while (rows.children.length > found.sources.length) rows.lastChild.remove();
-  found.sources.forEach((source, index) => {
-    let row = rows.children[index];
-    if (!row) {
-      row = document.createElement("tr");
-      for (let i = 0; i < 4; i += 1) row.append(document.createElement("td"));
-      rows.append(row);
-    }
-    const cells = [source.name, source.test_ratio.toFixed(2), source.fused, source.rejected];
-    cells.forEach((cell, i) => {
-      if (row.children[i].textContent !== String(cell)) row.children[i].textContent = cell;
-    });
-    row.className = source.test_ratio > 1 ? "warn" : "";
-  });
+function eventItem(event) {
+  const item = document.createElement("li");
+  item.append(timeOf(new Date(event.time_utc).toLocaleTimeString(), event.time_utc), event.why);
+  return item;
 }
 
 function addEvent(event) {
-  const item = document.createElement("li");
-  const time = document.createElement("time");
-  time.dateTime = event.time_utc;
-  time.textContent = new Date(event.time_utc).toLocaleTimeString();
-  item.append(time, event.why);
+  liveEvents.unshift(event);
+  liveEvents.length = Math.min(liveEvents.length, EVENTS_SHOWN);
+  if (lookBack.isOpen) return;
   const list = $("events");
-  list.prepend(item);
+  list.prepend(eventItem(event));
   while (list.children.length > EVENTS_SHOWN) list.lastChild.remove();
-}
-
-function say(text, bad = false) {
-  put("said", text, bad ? "bad" : "");
 }
 
 // ---------------------------------------------------------------- orders
@@ -175,7 +147,9 @@ async function order(name) {
 $("stop").onclick = () => order("stop");
 $("land").onclick = () => order("land");
 // Held: the same button lets it go on.
-const held = () => state?.flight?.state === "hold" && state.why.startsWith("held by the operator");
+function held() {
+  return live.state?.flight?.state === "hold" && live.state.why.startsWith("held by the operator");
+}
 $("hold").onclick = () => order(held() ? "resume" : "hold");
 document.addEventListener("keydown", (event) => {
   const writing = event.target.matches("input, textarea");
@@ -188,6 +162,8 @@ document.addEventListener("keydown", (event) => {
 // ---------------------------------------------------------------- a goal
 
 function propose([north, east]) {
+  const { state, room } = live;
+  if (lookBack.isOpen) return say("this is a past flight; go back to live to fly", true);
   if (!connected || !state) return say("not connected to the service", true);
   if (state.phase !== "ready") {
     return say(state.phase === "flying" ? "a mission is being flown; stop it first" : state.why, true);
@@ -205,7 +181,7 @@ function propose([north, east]) {
 
 function where() {
   const [north, east] = [$("ask-north").valueAsNumber, $("ask-east").valueAsNumber];
-  const from = state?.vehicle?.position ?? [0, 0];
+  const from = live.state?.vehicle?.position ?? [0, 0];
   const far = Math.hypot(north - from[0], east - from[1]);
   $("ask-where").textContent = Number.isFinite(far)
     ? `The vehicle takes off and flies ${far.toFixed(1)} m as the crow flies.`
@@ -233,7 +209,7 @@ $("ask").querySelector("form").addEventListener("submit", async (event) => {
   }
 });
 
-// ---------------------------------------------------------------- token, past flights
+// ---------------------------------------------------------------- token
 
 function askToken() {
   if ($("token-ask").open) return;
@@ -244,30 +220,3 @@ $("token-ask").querySelector("form").addEventListener("submit", () => {
   keepToken($("token").value.trim());
   location.reload();
 });
-
-async function flights() {
-  let logs;
-  try {
-    logs = await ask("GET", "/v1/logs");
-  } catch {
-    return;
-  }
-  const items = logs.slice(0, 20).map((log) => {
-    const item = document.createElement("li");
-    const text = document.createElement("span");
-    const when = new Date(log.modified_utc).toLocaleString();
-    const report = log.report;
-    text.textContent = report
-      ? `${when}: ${report.ending.replaceAll("_", " ")}, ${report.path_length_m.toFixed(1)} m in ` +
-        `${report.flight_time_s.toFixed(0)} s, ${report.stops} stops. ${report.why}`
-      : `${when}: ${log.name}`;
-    const button = document.createElement("button");
-    button.type = "button";
-    button.textContent = "log";
-    button.setAttribute("aria-label", `Save the log ${log.name}`);
-    button.onclick = () => save(log.name).catch((error) => say(error.message, true));
-    item.append(text, button);
-    return item;
-  });
-  if (items.length) $("flights").replaceChildren(...items);
-}

@@ -1,10 +1,14 @@
 """A flight looked back at: flown again, judged by what must be true, told in words, shown."""
 
+import gzip
+import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -13,11 +17,15 @@ from click.testing import CliRunner
 from autonomy.cli import main
 from autonomy.errors import BadInput, ExitCode
 from autonomy.logbook import report_of_log
-from autonomy.model import Command, Event, FilterHealth, MissionState
+from autonomy.model import Command, Environment, Event, FilterHealth, MissionState
+from autonomy.review import reel as reel_module
+from autonomy.review import worker
 from autonomy.review.explain import DOING, explain
 from autonomy.review.history import History, Moment, history_of
 from autonomy.review.invariants import Verdict, check
 from autonomy.review.page import guard_stretches, page_of
+from autonomy.review.reel import PERIOD_S, reel_of
+from autonomy.service.contract import EventView, Hits, PlanView, Reel, State, Track
 from hal.vehicle import guard
 from tests.support.recorded import fly
 
@@ -257,3 +265,71 @@ def test_a_flight_that_broke_a_promise_ends_the_command_with_an_error(tmp_path: 
     text = out.read_text(encoding="utf-8")
     assert "broken at" in text
     assert "decisions differ" in text
+
+
+# ---------------------------------------------------------------- for the page
+
+
+def test_a_reel_shows_the_flight_as_it_was_told_live(history: History) -> None:
+    reel = reel_of(history.path)
+    assert reel.duration_s == pytest.approx(history.moments[-1].now_s - history.start_s, abs=0.01)
+    times = [frame.at_s for frame in reel.frames]
+    assert times == sorted(times)
+    assert times[0] == 0.0
+    assert max(b - a for a, b in pairwise(times)) < PERIOD_S + 0.06
+    told = [message for frame in reel.frames for message in frame.messages]
+    assert [event.why for event in told if isinstance(event, EventView)][1:] == [
+        event.why for event in history.events
+    ]
+    track = [point for message in told if isinstance(message, Track) for point in message.points]
+    assert math.dist(track[-1], history.route[-1][:2]) < 0.3
+    last_hits = [message for message in told if isinstance(message, Hits)][-1]
+    assert len(last_hits.points) > 20
+    state = [message for message in told if isinstance(message, State)][-1]
+    assert state.flight is not None
+    assert state.flight.state == "done"
+    assert {plan.environment for plan in told if isinstance(plan, PlanView)} <= set(Environment)
+
+
+def test_a_long_flight_has_fewer_frames_and_loses_no_event(
+    history: History, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = reel_of(history.path)
+    monkeypatch.setattr(reel_module, "FRAMES_MAX", 50)
+    short = reel_of(history.path)
+    assert len(short.frames) <= 52
+
+    def told(reel: Reel, kind: type[EventView] | type[Track]) -> list[object]:
+        messages = (m for frame in reel.frames for m in frame.messages if isinstance(m, kind))
+        if kind is Track:
+            return [point for m in messages if isinstance(m, Track) for point in m.points]
+        return [m.number for m in messages if isinstance(m, EventView)]
+
+    assert told(short, EventView) == told(whole, EventView)
+    assert told(short, Track) == told(whole, Track)
+    assert all(isinstance(frame.messages[-1], State) for frame in short.frames)
+
+
+@pytest.mark.parametrize("what", ["reel", "report"])
+def test_the_worker_writes_what_the_page_asks_for(
+    history: History, what: str, monkeypatch: pytest.MonkeyPatch, capfdbinary: Any
+) -> None:
+    stood_back: list[int] = []
+    monkeypatch.setattr(worker, "stand_back", lambda: stood_back.append(1))
+    assert worker.main([what, str(history.path)]) == 0
+    made = gzip.decompress(capfdbinary.readouterr().out)
+    assert stood_back == [1]
+    if what == "reel":
+        assert msgspec.json.decode(made, type=Reel).log == history.path.name
+    else:
+        assert b"What had to be true" in made
+
+
+def test_the_worker_says_in_a_sentence_what_it_cannot_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(worker, "stand_back", lambda: None)
+    (tmp_path / "a.mcap").write_bytes(b"no log")
+    assert worker.main(["reel", str(tmp_path / "a.mcap")]) == 1
+    assert "a.mcap" in capsys.readouterr().err
+    assert worker.main(["dance", str(tmp_path / "a.mcap")]) == 2

@@ -1,4 +1,8 @@
-from collections.abc import Iterator
+import asyncio
+import hmac
+import sys
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -7,22 +11,28 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from starlette.testclient import TestClient
+from starlette.types import Message
 from starlette.websockets import WebSocketDisconnect
 
 from autonomy.config import Config
 from autonomy.errors import BadInput
-from autonomy.model import OperatorCommand
-from autonomy.service.api import BODY_BYTES_MAX, ORDERS_BURST, Access, Api, Bucket
+from autonomy.mission.failsafe import Fault
+from autonomy.model import Ending, OperatorCommand, Outcome
+from autonomy.service.api import ORDERS_BURST, Api
 from autonomy.service.contract import MissionOrder, Phase
+from autonomy.service.gate import BODY_BYTES_MAX, REQUESTS_BURST, Access, Bucket, Gate
 from autonomy.service.metrics import Metrics
-from autonomy.service.station import Instant, Station
+from autonomy.service.sightings import ending_faults
+from autonomy.service.station import FlownMission, Instant, Station
+from autonomy.service.workshop import Busy, Workshop
 from hal.readings import FlightMode, LandedState, VehicleStatus
 
 TOKEN = "a-token-of-thirty-two-characters"  # noqa: S105 - of this test alone
 STREAM = "ws://127.0.0.1:8042/v1/stream"
 JSON = {"content-type": "application/json"}
 PATHS = (
-    "/v1/state", "/v1/room", "/v1/events", "/v1/config", "/v1/missions", "/v1/logs", "/metrics",
+    "/v1/state", "/v1/room", "/v1/events", "/v1/config", "/v1/faults", "/v1/missions", "/v1/logs",
+    "/metrics",
 )  # fmt: skip
 
 
@@ -40,8 +50,21 @@ def station() -> Station:
     return station
 
 
-def client_of(station: Station, folder: Path, access: Access = Access(None)) -> TestClient:  # noqa: B008 - immutable
-    api = Api(station, Metrics(station), access, log_folder=folder)
+def client_of(
+    station: Station,
+    folder: Path,
+    access: Access = Access(None),  # noqa: B008 - immutable
+    workshop: Workshop | None = None,
+    clock_s: Callable[[], float] = time.monotonic,
+) -> TestClient:
+    api = Api(
+        station,
+        Metrics(station),
+        access,
+        log_folder=folder,
+        workshop=workshop,
+        clock_s=clock_s,
+    )
     return TestClient(
         api.application(), base_url="http://127.0.0.1:8042", raise_server_exceptions=False
     )
@@ -87,19 +110,53 @@ def test_an_order_is_queued_and_never_limited(
     assert set(station.take_commands()) == {OperatorCommand(name)}
 
 
-def test_too_many_missions_at_once_are_refused(client: TestClient) -> None:
-    codes = [
-        client.post("/v1/missions", content=b"{}", headers=JSON).status_code
-        for _ in range(ORDERS_BURST + 5)
-    ]
-    assert codes[0] == 422
-    assert codes[-1] == 429
+def test_too_many_missions_at_once_are_refused(station: Station, tmp_path: Path) -> None:
+    with client_of(station, tmp_path, clock_s=lambda: 7.0) as client:
+        codes = [
+            client.post("/v1/missions", content=b"{}", headers=JSON).status_code
+            for _ in range(ORDERS_BURST + 2)
+        ]
+    assert codes == [422] * ORDERS_BURST + [429] * 2
 
 
 def test_the_bucket_fills_again() -> None:
     bucket = Bucket(per_s=2.0, burst=2)
     assert [bucket.take(10.0) for _ in range(3)] == [True, True, False]
     assert [bucket.take(10.6), bucket.take(10.6), bucket.take(99.0)] == [True, False, True]
+
+
+async def asked_often(path: str, method: str) -> list[int]:
+    """The answers of a gate, before an application that answers nothing, at one instant."""
+    answers: list[int] = []
+
+    async def application(*_: object) -> None:
+        answers.append(200)
+
+    async def send(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            answers.append(message["status"])
+
+    async def receive() -> Message:
+        return {"type": "http.request"}
+
+    gate = Gate(application, Access(None), lambda: 7.0)
+    headers = [(b"host", b"127.0.0.1")]
+    for _ in range(REQUESTS_BURST + 10):
+        scope = {"type": "http", "path": path, "method": method, "headers": headers}
+        await gate(scope, receive, send)
+    return answers
+
+
+async def test_whoever_asks_too_often_is_told_to_wait() -> None:
+    answers = await asked_often("/v1/state", "GET")
+    assert answers == [200] * REQUESTS_BURST + [429] * 10
+
+
+@pytest.mark.parametrize(
+    ("path", "method"), [("/v1/stop", "POST"), ("/v1/land", "POST"), ("/v1/missions/7", "DELETE")]
+)
+async def test_no_flood_keeps_a_stop_out(path: str, method: str) -> None:
+    assert set(await asked_often(path, method)) == {200}
 
 
 MALFORMED: tuple[bytes, ...] = (
@@ -226,6 +283,19 @@ def test_with_a_token_nothing_of_worth_is_told_without_it(station: Station, tmp_
     assert nothing_was_asked(station)
 
 
+def test_tokens_are_compared_in_a_time_that_tells_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    compared = []
+
+    def digest(given: bytes, kept: bytes) -> bool:
+        compared.append((given, kept))
+        return given == kept
+
+    monkeypatch.setattr(hmac, "compare_digest", digest)
+    assert Access(TOKEN, None).token_fits(TOKEN)
+    assert not Access(TOKEN, None).token_fits("x")
+    assert compared == [(TOKEN.encode(), TOKEN.encode()), (b"x", TOKEN.encode())]
+
+
 @pytest.mark.parametrize("given", ["", "ä", TOKEN[:-1], TOKEN + "\n", TOKEN.upper()])
 def test_only_the_token_itself_fits(given: str) -> None:
     assert not Access(TOKEN, None).token_fits(given)
@@ -285,6 +355,88 @@ def test_nothing_beside_the_logs_can_be_read(client: TestClient, tmp_path: Path,
     (tmp_path / "folder.mcap").mkdir()
     (tmp_path / "link.mcap").symlink_to("/etc/hostname")
     assert client.get(f"/v1/logs/{name}").status_code == 404
+
+
+def program(code: str) -> tuple[str, ...]:
+    return (sys.executable, "-c", code)
+
+
+LOUD = program("import gzip, sys; sys.stdout.buffer.write(gzip.compress(sys.argv[1].encode()))")
+SORRY = program("import sys; sys.exit('x\\nthis log is cut off')")
+SLOW = program("import time; time.sleep(60)")
+
+
+@pytest.mark.parametrize("what", ["reel", "report"])
+def test_what_is_made_of_a_log_comes_from_a_program_of_its_own(
+    station: Station, tmp_path: Path, what: str
+) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"flight a")
+    with client_of(station, tmp_path, workshop=Workshop({what: LOUD})) as client:
+        answer = client.get(f"/v1/logs/a.mcap/{what}")
+        assert client.get(f"/v1/logs/b.mcap/{what}").status_code == 404
+    assert (answer.status_code, answer.text) == (200, str(tmp_path / "a.mcap"))
+    assert ("sandbox" in answer.headers["content-security-policy"]) == (what == "report")
+
+
+@pytest.mark.parametrize(
+    ("command", "timeout_s", "said"),
+    [(SORRY, 60.0, "this log is cut off"), (SLOW, 0.2, "use autonomy report")],
+)
+def test_what_cannot_be_made_is_said_so(
+    station: Station, tmp_path: Path, command: tuple[str, ...], timeout_s: float, said: str
+) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"flight a")
+    workshop = Workshop({"reel": command}, timeout_s=timeout_s)
+    with client_of(station, tmp_path, workshop=workshop) as client:
+        answer = client.get("/v1/logs/a.mcap/reel")
+    assert (answer.status_code, said in answer.json()["error"]) == (422, True)
+
+
+async def test_one_thing_is_made_at_a_time_and_none_when_nobody_waits(tmp_path: Path) -> None:
+    workshop = Workshop({"reel": SLOW})
+    async with asyncio.TaskGroup() as group:
+        first = group.create_task(workshop.make("reel", tmp_path))
+        await asyncio.sleep(0.2)
+        with pytest.raises(Busy):
+            await workshop.make("reel", tmp_path)
+        first.cancel()
+    assert first.cancelled()
+
+
+def test_faults_are_told_with_what_was_seen_of_them(client: TestClient, station: Station) -> None:
+    before = client.get("/v1/faults").json()
+    assert {row["name"] for row in before} == {fault.value for fault in Fault}
+    assert not any(row["active"] or row["times"] for row in before)
+    assert [row["response"] for row in before][:3] == ["let go"] * 3
+    station.begin(FlownMission("m", ((1.0, 0.0),), (0.0, 0.0)))
+    assert station.drawn is not None
+    for now_s, present in ((1.0, ("drift",)), (1.05, ("drift",)), (1.1, ()), (2.0, ("drift",))):
+        station.drawn.faults.note(now_s, present)
+    after = {row["name"]: row for row in client.get("/v1/faults").json()}
+    drift = after["drift"]
+    assert (drift["active"], drift["times"], drift["first_s"], drift["last_s"]) == (True, 2, 1, 2)
+    assert not after["battery_low"]["active"]
+
+
+@pytest.mark.parametrize(
+    ("ending", "armed", "in_failsafe", "fault"),
+    [
+        (Ending.GOAL_REACHED, True, False, None),
+        (Ending.UNREACHABLE, True, False, Fault.UNREACHABLE),
+        (Ending.TAKEN_OVER, True, False, Fault.PILOT_TAKEOVER),
+        (Ending.TAKEN_OVER, True, True, Fault.OFFBOARD_LOST),
+        (Ending.TAKEN_OVER, False, True, Fault.DISARMED),
+    ],
+)
+def test_what_ends_a_flight_is_seen_as_the_fault_it_is(
+    ending: Ending, armed: bool, in_failsafe: bool, fault: Fault | None
+) -> None:
+    status = VehicleStatus(
+        0.0, armed, FlightMode.HOLD, LandedState.IN_AIR, 0.0, in_failsafe=in_failsafe
+    )
+    found = ending_faults(Outcome(ending, "why"), status)
+    assert found == (() if fault is None else (fault.value,))
+    assert ending_faults(None, status) == ()
 
 
 def test_a_folder_that_is_not_there_holds_no_logs(station: Station, tmp_path: Path) -> None:

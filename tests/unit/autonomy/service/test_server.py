@@ -6,8 +6,9 @@ import pytest
 
 from autonomy.config import Config, ServiceConfig
 from autonomy.errors import BadInput
-from autonomy.service.api import Access, Api
+from autonomy.service.api import Api
 from autonomy.service.client import Client, NoService
+from autonomy.service.gate import Access
 from autonomy.service.metrics import Metrics
 from autonomy.service.server import WebServer, access_of, is_loopback, listening_socket, url_of
 from autonomy.service.station import Station

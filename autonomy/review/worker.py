@@ -1,0 +1,62 @@
+"""The service's hand for what takes seconds: `python -m autonomy.review.worker reel|report LOG`.
+
+Writes gzip to standard output. Stands back from whatever flies on this computer: least priority,
+and the first to go where memory is short.
+"""
+
+import contextlib
+import gzip
+import os
+import sys
+from pathlib import Path
+
+import msgspec
+
+from autonomy.errors import AutonomyError
+from autonomy.logbook import report_of_log
+from autonomy.review.history import history_of
+from autonomy.review.page import page_of
+from autonomy.review.reel import reel_of
+from hal.errors import HalError
+
+_NICE = 10
+"""Where it goes, if it is not there yet; the service itself is at -5 on a drone."""
+
+
+def reel(log: Path) -> bytes:
+    """The flight for the page, as JSON."""
+    return msgspec.json.encode(reel_of(log))
+
+
+def report(log: Path) -> bytes:
+    """The flight's page, as HTML."""
+    return page_of(history_of(log), report_of_log(log)).encode()
+
+
+MADE = {"reel": reel, "report": report}
+
+
+def stand_back() -> None:
+    """Let everything else on this computer go first."""
+    os.nice(max(0, _NICE - os.nice(0)))
+    with contextlib.suppress(OSError):  # where the kernel does not let us: only a wish
+        Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
+
+
+def main(arguments: list[str]) -> int:
+    """Entry point; returns the exit code."""
+    if len(arguments) != 2 or arguments[0] not in MADE:
+        print("usage: python -m autonomy.review.worker reel|report LOG", file=sys.stderr)
+        return 2
+    stand_back()
+    try:
+        made = MADE[arguments[0]](Path(arguments[1]))
+    except (AutonomyError, HalError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    sys.stdout.buffer.write(gzip.compress(made, 6))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,0 +1,42 @@
+"""What flying does not need is given back, and what is given back can be used again."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+
+from autonomy.serving.memory import code_of, drop_code
+
+MAPS = """\
+7f00-7f10 r--p 00000000 fe:00 11 /opt/x/libllvmlite.so
+7f10-7f40 r-xp 00010000 fe:00 11 /opt/x/libllvmlite.so
+7f40-7f50 rw-p 00040000 fe:00 11 /opt/x/libllvmlite.so
+8000-9000 r-xp 00000000 fe:00 12 /lib/libc.so.6
+a000-b000 rw-p 00000000 00:00 0 [heap]
+c000-d000 rwxp 00000000 00:00 0
+""".splitlines()
+
+
+def test_only_the_compiler_s_code_is_dropped_and_nothing_that_is_written() -> None:
+    assert list(code_of(MAPS, "libllvmlite")) == [(0x7F10, 0x30)]
+
+
+def test_what_was_dropped_compiles_again() -> None:
+    twice = njit(lambda x: 2.0 * x)
+    assert twice(2.0) == 4.0
+    maps = Path("/proc/self/maps").read_text().splitlines()
+    assert drop_code(maps) > 10_000_000
+    assert twice(np.arange(3.0)).tolist() == [0.0, 2.0, 4.0]
+
+
+def test_the_estimator_brings_no_statistics_along_and_hides_them_from_nobody() -> None:
+    code = (
+        "import sys, autonomy.estimation.kalman; assert 'scipy.stats' not in sys.modules; "
+        "from scipy.stats import norm; print(round(norm.cdf(0.0), 3))"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
+    assert said.strip() == "0.5"
