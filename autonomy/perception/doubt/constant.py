@@ -15,6 +15,8 @@ from autonomy.perception.doubt.suspicion import Suspicion
 
 _RUN_TURNING, _TURN_RAD = 16, math.radians(80.0)
 """A cone of 25 deg keeps the distance of a pillar for 65 deg of turning, a wall's for less."""
+_TURN_NEAR_RAD = math.radians(120.0)
+"""In a corner everything may be nearer than some sensors' least range, for a quarter of a turn."""
 _RUN_MOVING, _MOVE_M = 12, 0.15
 _RUN_QUIET, _TIMES_LONGEST, _FLOWN_MIN = 60, 4.0, 200
 _RUN_TOO_QUIET, _NOISY_M = 200, 0.003
@@ -26,15 +28,17 @@ _AS_LONG = 0.9
 
 
 def find_turning(evidence: BeamEvidence) -> Suspicion | None:
-    """A horizontal beam that says one value all through a turn of 80 degrees."""
-    if evidence.run_status != kernels.VALID or evidence.run < _RUN_TURNING:
+    """A horizontal beam that says one value all through a turn of 80 degrees; too near, of 120."""
+    too_near = evidence.run_status == kernels.TOO_NEAR
+    if not (too_near or evidence.run_status == kernels.VALID) or evidence.run < _RUN_TURNING:
         return None
-    if evidence.run_turned_rad < _TURN_RAD:
+    if evidence.run_turned_rad < (_TURN_NEAR_RAD if too_near else _TURN_RAD):
         return None
+    said = "nothing but too near" if too_near else f"{evidence.run_value_m:.2f} m"
     turned_deg = math.degrees(evidence.run_turned_rad)
     return Suspicion(
         BeamWord.STUCK,
-        f"it says {evidence.run_value_m:.2f} m through a turn of {turned_deg:.0f} degrees",
+        f"it says {said} through a turn of {turned_deg:.0f} degrees",
         max(evidence.run_s, kernels.AGE_S),
     )
 

@@ -86,7 +86,6 @@ class Witness:
             )
             rise = 0 if mount.horizontal else int(math.copysign(1.0, mount.pitch_deg))
             row[kernels.M_RISE] = rise
-            row[kernels.M_LATENCY] = beams.latency_of(mount)
             body_m = half_height_m if rise else body_radius_m
             row[kernels.M_BODY] = inside_m(mount, body_m)
             if rise and abs(mount.pitch_deg) < _UPWARDS_DEG:

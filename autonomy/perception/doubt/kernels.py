@@ -77,8 +77,7 @@ M_DIRECTION = 1  # three columns, FRD
 M_FACE = 4  # three columns, FRD
 M_BODY = 7  # inside this distance from the face is the vehicle itself
 M_TRUSTED = 8  # 0: the beam is not believed now
-M_LATENCY = 9  # s from measurement to stamp
-MOUNT_COLUMNS = 10
+MOUNT_COLUMNS = 9
 
 Q_BEAM, Q_STAMP, Q_STATUS, Q_RANGE, Q_SIGMA, Q_DENIED = range(6)
 READING_COLUMNS = 6
@@ -449,7 +448,7 @@ def _sweep_past(views, tracks, mounts, pairs, gone, clock, moving, beam, sector,
         _book(pairs, beam, other, said)
         if said <= 0 or mounts[other, M_TRUSTED] == 0.0:
             continue
-        if not _repeated(tracks[other], seen[V_STAMP] + mounts[other, M_LATENCY]):
+        if not _repeated(tracks[other], seen[V_STAMP]):
             gone[beam, other] += 1.0
             clock[C_GONE_N] += seen[V_COS]
             clock[C_GONE_E] += seen[V_SIN]
@@ -649,7 +648,6 @@ def take(views, rings, tracks, pairs, copies, gone, clock, moving, mounts, readi
             continue
         mount = mounts[beam]
         _remember(rings[beam], tracks[beam], mount, reading, clock, height)
-        reading[Q_STAMP] -= mount[M_LATENCY]
         if pose[P_OK] != 0.0 and mount[M_RISE] == 0.0:
             _look(views, tracks, mounts, pairs, gone, clock, moving, reading, pose)
         elif pose[P_OK] != 0.0:

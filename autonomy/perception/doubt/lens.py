@@ -29,7 +29,8 @@ def find(evidence: BeamEvidence) -> Suspicion | None:
 def covered(
     thin: Iterable[BeamMount], newest: Mapping[str, RangeReading], body_radius_m: float
 ) -> tuple[str, ...]:
-    """The names of those `thin` level beams that now see something inside the vehicle's body.
+    """The names of those `thin` level beams that now see something inside the vehicle's body, or
+    nearer than they can measure.
 
     On the ground, too: a thin level beam passes above the floor.
     """
@@ -37,6 +38,11 @@ def covered(
         mount.name
         for mount in thin
         if (reading := newest.get(mount.name)) is not None
-        and reading.status in (RangeStatus.VALID, RangeStatus.TOO_NEAR)
-        and reading.range_m < inside_m(mount, body_radius_m)
+        and (
+            reading.status is RangeStatus.TOO_NEAR
+            or (
+                reading.status is RangeStatus.VALID
+                and reading.range_m < inside_m(mount, body_radius_m)
+            )
+        )
     )

@@ -47,12 +47,15 @@ def test_a_simulated_vehicle_has_simulated_beams() -> None:
     sensor = {"chip": "vl53l1x", "beam": "up"}
     beams = BeamsConfig.model_validate(
         {
-            "mounts": [{"name": "up", "pitch_deg": 90.0, "offset_m": 0.02, "sigma_m": 0.01}],
-            "drivers": [{"driver": "i2c", "sensors": [sensor]}],
+            "mounts": [
+                {"name": "front", "offset_m": 0.02, "sigma_m": 0.01},
+                {"name": "up", "pitch_deg": 90.0, "offset_m": 0.02, "sigma_m": 0.01},
+            ],
+            "drivers": [{"driver": "i2c", "sensors": [sensor]}, {"driver": "mavlink"}],
         }
     )
     flown = with_scenario(Config(beams=beams), load_scenario("default")).beams
-    assert [mount.name for mount in flown.over_mavlink()] == ["up"]
+    assert [mount.name for mount in flown.over_mavlink()] == ["front", "up"]
     assert flown.mount("up") == BeamMount(name="up", pitch_deg=90.0, half_angle_deg=0.0)
 
 

@@ -133,11 +133,17 @@ def test_the_vertical_limits_always_hold(situation: tuple[Setpoint, Sight]) -> N
 
 
 def surface_m(seen: Sight, name: str) -> float:
-    """The nearest surface that a vertical beam is sure of."""
-    sure = (RangeStatus.VALID, RangeStatus.TOO_NEAR)
-    ranges = [b.reading.range_m for b in seen.beams if b.mount.name == name]
-    statuses = [b.reading.status for b in seen.beams if b.mount.name == name]
-    return min((r for r, s in zip(ranges, statuses, strict=True) if s in sure), default=math.inf)
+    """The nearest surface that a vertical beam is sure of; a doubted one that is too near ends the
+    approach, and is no reason to leave.
+    """
+    stop_m = SQUARE.beam_stop_m
+    nearest_m = math.inf
+    for reading in (b.reading for b in seen.beams if b.mount.name == name):
+        if reading.status in (RangeStatus.VALID, RangeStatus.TOO_NEAR):
+            nearest_m = min(nearest_m, reading.range_m)
+        elif reading.status is RangeStatus.SUSPECT and reading.range_m < stop_m:
+            nearest_m = min(nearest_m, stop_m)
+    return nearest_m
 
 
 @settings(deadline=None, max_examples=300)

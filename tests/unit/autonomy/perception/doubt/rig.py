@@ -72,9 +72,10 @@ class Turning:
         model: BeamSimulation | None = None,
         way_m: float = 0.3,
         moving: tuple[Unrest, ...] = (),
+        beams: BeamsConfig | None = None,
     ) -> None:
         rng = np.random.default_rng(seed)
-        beams = BeamsConfig(latency_s=0.0)
+        beams = beams or BeamsConfig()
         model = model or BeamSimulation(half_angle_deg=half_angle_deg)
         lines = tuple(parse_fault(fault) for fault in faults)
         self._beams = with_beam_faults(SimulatedBeams(World(room), beams, model, rng), lines, rng)

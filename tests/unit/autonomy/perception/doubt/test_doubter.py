@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from autonomy.model import BeamWord
 from autonomy.perception.movers import Unrest
+from hal.config import BeamsConfig
 from hal.readings import RangeReading, RangeStatus
 from hal.sim.scenario import BeamSimulation, Disc, Scenario
 from tests.unit.autonomy.perception.doubt.rig import ONE_WALL, OPEN, ROOM, STEP, Turning, high
@@ -64,6 +65,22 @@ def test_every_kind_of_fault_is_found_by_its_name(
     assert beam in flown.words()
     if not words <= {W.STALE, W.NO_SIGNAL}:
         assert flown.taken_back_s <= 8.0, "what it showed when its fault began is still believed"
+
+
+@pytest.mark.parametrize("min_m", [0.02, 0.25])
+def test_a_blocked_lens_is_found_whatever_the_least_range(min_m: float) -> None:
+    flown = Turning("beam_blocked@8:beam=left", beams=BeamsConfig(min_m=min_m)).fly(14.0)
+    assert {doubt.beam for _, doubt in flown.history} == {"left"}
+    assert "left" in flown.words()
+
+
+def test_stamps_are_when_the_range_was_true_whatever_the_latency() -> None:
+    """Drivers take the latency off; taken off twice, beams of two drivers look past each other."""
+    said = [
+        Turning("beam_bias@8:beam=left,bias_m=0.3", beams=BeamsConfig(latency_s=s)).fly(20.0)
+        for s in (0.0, 0.1)
+    ]
+    assert said[0].history == said[1].history != []
 
 
 @pytest.mark.parametrize("fault", ["beam_silence", "beam_dropout", "beam_blocked", "beam_constant"])

@@ -15,7 +15,7 @@ TICK_S = 0.05
 
 def vanished(*said_m: float) -> float:
     """What the others looked past, of what the front beam says in turn; they see nothing."""
-    beams, body = BeamsConfig(latency_s=0.0), BodyConfig()
+    beams, body = BeamsConfig(), BodyConfig()
     witness = Witness(beams, body.radius_m, body.half_height_m)
     for tick in range(80):
         now_s = tick * TICK_S

@@ -21,13 +21,14 @@ def reading(beam: str, range_m: float, status: RangeStatus) -> RangeReading:
         (AT_CENTRE, 0.16, RangeStatus.VALID, True),
         (AT_CENTRE, 0.18, RangeStatus.VALID, False),
         (AT_CENTRE, 0.02, RangeStatus.TOO_NEAR, True),
+        (AT_CENTRE, 0.3, RangeStatus.TOO_NEAR, True),
         (AT_CENTRE, 0.02, RangeStatus.NO_SIGNAL, False),
         (AT_CENTRE, 1.0, RangeStatus.OUT_OF_RANGE, False),
         (AT_THE_RIM, 0.01, RangeStatus.VALID, True),
         (AT_THE_RIM, 0.03, RangeStatus.VALID, False),
     ],
 )
-def test_only_what_is_measured_inside_the_body_covers_a_lens(
+def test_what_is_measured_inside_the_body_or_too_near_to_measure_covers_a_lens(
     mount: BeamMount, range_m: float, status: RangeStatus, is_covered: bool
 ) -> None:
     newest = {mount.name: reading(mount.name, range_m, status)}
