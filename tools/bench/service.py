@@ -36,7 +36,8 @@ from autonomy.service.server import listening_socket
 from hal.sim.scenario import load_scenario
 from tools.bench import report
 
-_READY_S, _MISSION_S = 300.0, 300.0
+_READY_S, _MISSION_S = 900.0, 300.0
+"""A first start compiles the kernels."""
 _POLL_S = 0.25
 _HELP_RUNS = 5
 _MIB = 1024.0 * 1024.0

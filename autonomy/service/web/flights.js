@@ -25,6 +25,7 @@ export class LookBack {
   }
 
   async open(name) {
+    this.pause();
     say(`reading ${name} ...`);
     try {
       this.reel = new Reel(await ask("GET", path(name, "reel"), undefined, READING_MS));
