@@ -39,13 +39,8 @@ HASTE = 0.6
 second to follow."""
 ENOUGH_M = 0.5
 """More distance than this is worth nothing more."""
-WEIGHED = 0.5
-"""Share of all doubt that counts when ways are weighed against one another. Whether to make way is
-asked with the whole of it; but then, with two movers about, every way touches somewhere later, and
-the least bad of what may be in four seconds is flown into what will be in one."""
-KEEP_M = 0.12
-"""What another bearing must gain to be taken instead of the one being flown: each change costs a
-second of PX4's response."""
+KEEP_M = 0.06
+"""What another bearing must gain to be taken instead of the one being flown."""
 CALM_M = 0.05
 """Making way ends when the planned motion keeps this much more than it must."""
 
@@ -132,25 +127,20 @@ class MakingWay:
         if not near:
             self.stop()
             return None
-        centres, touching, doubts = self._tubes(near)
+        tubes = self._tubes(near)
         wanted = np.array([planned_ne_m_s])
-        planned_m = float(
-            self._kept_m(fused, wanted, np.array([np.inf]), (centres, touching + doubts))[0]
-        )
+        planned_m = float(self._kept_m(fused, wanted, np.array([np.inf]), tubes)[0])
         enough_m = self._config.clearance_m + (CALM_M if self.active else 0.0)
         if planned_m >= enough_m:
             self.stop()
             return None
         self._speed_m_s = min(self._full_m_s, speed_max_m_s)
-        tubes = (centres, touching + WEIGHED * doubts)
         return self._choose(now_s, fused, planned_ne_m_s, near, tubes, space)
 
     # ------------------------------------------------------------ inside
 
-    def _tubes(self, movers: list[MovingObstacle]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Centres (movers, times, 2), at what distance from them the body touches (movers, 1), and
-        how much nearer they may be than that (movers, times), all in m.
-        """
+    def _tubes(self, movers: list[MovingObstacle]) -> tuple[FloatArray, FloatArray]:
+        """Centres (movers, times, 2) and what counts as touching them (movers, times), m."""
         t = self._times
         places = np.array([m.point for m in movers])[:, None, :]
         velocities = np.array([m.velocity_ne_m_s for m in movers])[:, None, :]
@@ -165,7 +155,7 @@ class MakingWay:
             ]
         )
         radii = np.array([m.radius_m for m in movers])[:, None]
-        return centres, radii + self._body_m, doubts
+        return centres, radii + self._body_m + doubts
 
     def _kept_m(
         self,
