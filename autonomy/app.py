@@ -16,6 +16,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import msgspec
+
 from autonomy.config import Config, load_config
 from autonomy.embedded import EmbeddedPx4
 from autonomy.errors import BadInput
@@ -28,6 +30,7 @@ from autonomy.model import OperatorCommand, Outcome
 from autonomy.progress import Progress
 from autonomy.report import FlightReport, FlyOptions, with_truth
 from autonomy.service.lock import Holder, VehicleHeld, VehicleLock, utc_now
+from autonomy.service.logs import report_path
 from autonomy.simulation import with_scenario
 from autonomy.tally import Tally
 from autonomy.termination import termination_signals, termination_waits
@@ -145,6 +148,9 @@ def fly(options: FlyOptions) -> FlightReport:
         report = asyncio.run(_fly(mission, connection, recorder, progress))
         if embedded is not None:
             report = with_truth(report, embedded.true_clearance_m())
+        refused = keep_report(report)
+        if refused is not None:
+            progress.note(refused)
         progress.report(report)
     return report
 
@@ -412,6 +418,21 @@ def _operator_signals(flight: Flight, progress: Progress) -> Iterator[None]:
 
 
 # ---------------------------------------------------------------- after the flight
+
+
+def keep_report(report: FlightReport) -> str | None:
+    """Write the report beside its log, if it has one; why that was refused, as a sentence.
+
+    It knows what a log cannot: the true clearance of a simulated flight.
+    """
+    if report.log_path is None:
+        return None
+    path = report_path(Path(report.log_path))
+    try:
+        path.write_bytes(msgspec.json.encode(report))
+    except OSError as error:
+        return f"the report could not be kept ({error.strerror})"
+    return None
 
 
 def report_of(

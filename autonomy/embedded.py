@@ -39,6 +39,7 @@ class EmbeddedPx4:
         self._folder = tempfile.TemporaryDirectory(prefix="autonomy-sim-")
         self.truth_path = Path(self._folder.name) / "truth.jsonl"
         self.port = free_udp_port()
+        self._asked = 0
 
     @property
     def connection(self) -> str:
@@ -95,9 +96,13 @@ class EmbeddedPx4:
         self._folder.cleanup()
 
     def true_clearance_m(self) -> float | None:
-        """The smallest true clearance while the vehicle was in the air; None if it never was."""
+        """The smallest true clearance in the air since this was asked last; None if it never was
+        in the air: asked after each flight it is that flight's.
+        """
         smallest: float | None = None
-        for state in self.truth():
+        states = self.truth()
+        new, self._asked = states[self._asked :], len(states)
+        for state in new:
             clearance = state.get("clearance_m")
             if state.get("in_air") and isinstance(clearance, float):
                 smallest = clearance if smallest is None else min(smallest, clearance)

@@ -4,6 +4,8 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
+
 from autonomy import pictures
 from autonomy.config import Config
 from autonomy.errors import NotReplayable
@@ -12,7 +14,8 @@ from autonomy.flightlog.schema import Tick
 from autonomy.geometry import Point
 from autonomy.mission.guarded import GuardedPilot
 from autonomy.model import Ending, Outcome, Plan
-from autonomy.report import FlightReport
+from autonomy.report import FlightReport, with_truth
+from autonomy.service.logs import report_path
 from autonomy.tally import Tally
 from hal.config import validate_document
 from hal.sim.scenario import load_scenario
@@ -74,7 +77,7 @@ def report_of_log(path: Path) -> FlightReport:
     notes = [] if log.damage is None else [log.damage]
     if lost:
         notes.append(f"{lost} ticks are missing from the log")
-    return tally.report(
+    report = tally.report(
         outcome,
         route,
         config=config,
@@ -83,6 +86,23 @@ def report_of_log(path: Path) -> FlightReport:
         scenario=log.header.scenario or None,
         seed=log.header.seed,
     )
+    kept = _kept_report(path)
+    if kept is None or not kept.clearance_is_true:
+        return report
+    return with_truth(
+        report,
+        kept.minimum_clearance_m,
+        kept.collisions,
+        by_reported_pose=kept.clearance_by_reported_pose,
+    )
+
+
+def _kept_report(log: Path) -> FlightReport | None:
+    """The report that was written beside the log after the flight; None: there is none."""
+    try:
+        return msgspec.json.decode(report_path(log).read_bytes(), type=FlightReport)
+    except (OSError, msgspec.MsgspecError):
+        return None
 
 
 def draw_log(path: Path, out: Path) -> None:

@@ -1,10 +1,14 @@
 """The commands that look back at a flight: replay, report, explain, export."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from autonomy.errors import ExitCode
+
+if TYPE_CHECKING:
+    from autonomy.report import FlightReport
 
 _LOG = click.argument("log", type=click.Path(exists=True, dir_okay=False))
 
@@ -42,14 +46,27 @@ def _register_looks(group: click.Group) -> None:
     @click.option(
         "--html", type=click.Path(dir_okay=False), help="Write everything into one HTML file."
     )
+    @click.option(
+        "--ulog",
+        type=click.Path(exists=True, dir_okay=False),
+        help="PX4's own log of the flight, shown on the page's time axis; needs --html.",
+    )
     @click.pass_context
     def report(
-        context: click.Context, *, log: str, as_json: bool, picture: str | None, html: str | None
+        context: click.Context,
+        *,
+        log: str,
+        as_json: bool,
+        picture: str | None,
+        html: str | None,
+        ulog: str | None,
     ) -> None:
         """Sum up the flight recorded in LOG.
 
         With --html the flight is judged, too: exit code 1 when an invariant was broken.
         """
+        if ulog is not None and html is None:
+            raise click.UsageError("--ulog is shown on the page: give --html as well")
         from autonomy.logbook import draw_log, report_of_log
         from autonomy.report import report_table
 
@@ -64,14 +81,8 @@ def _register_looks(group: click.Group) -> None:
             from rich.console import Console
 
             Console(highlight=False).print(report_table(summary))
-        if html is not None:
-            from autonomy.review import page
-
-            broken = page.write(Path(log), summary, Path(html))
-            for verdict in broken:
-                click.echo(f"broken at {verdict.broken_s:.2f} s: {verdict.promise}", err=True)
-            if broken:
-                context.exit(int(ExitCode.INTERNAL))
+        if html is not None and _judge(Path(log), summary, Path(html), ulog):
+            context.exit(int(ExitCode.INTERNAL))
 
     @group.command()
     @_LOG
@@ -88,6 +99,23 @@ def _register_looks(group: click.Group) -> None:
         from autonomy.review.history import history_of
 
         click.echo(in_words(history_of(Path(log)), at_s))
+
+
+def _judge(log: Path, summary: "FlightReport", html: Path, ulog: str | None) -> bool:
+    """Write the page; True when the flight broke a promise."""
+    from autonomy.review import page
+
+    beside = None
+    if ulog is not None:
+        from autonomy.flightlog.reader import FlightLog
+        from autonomy.review.ulog import lay_beside, read_ulog
+
+        beside = lay_beside(FlightLog.open(log), read_ulog(Path(ulog)), ulog)
+        click.echo(page.beside_words(beside))
+    broken = page.write(log, summary, html, beside)
+    for verdict in broken:
+        click.echo(f"broken at {verdict.broken_s:.2f} s: {verdict.promise}", err=True)
+    return bool(broken)
 
 
 def _register_export(group: click.Group) -> None:

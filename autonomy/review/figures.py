@@ -5,11 +5,14 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from autonomy import pictures
 from autonomy.config import Config
 from autonomy.model import SOURCES, MissionState, ObstacleKind, Plan
 from autonomy.pictures import BLUE, GREEN, INK, LOW, ORANGE, PURPLE, SKY, SOLID_EDGE, VERMILION
 from autonomy.review.history import History, Moment, Replan
+from autonomy.review.ulog import Beside, FloatArray
 from hal.sim.scenario import Scenario, load_scenario
 
 POINTS_MAX = 2000
@@ -115,6 +118,64 @@ def estimator_svg(history: History) -> str:
     low, high = axes.get_ylim()
     axes.set_ylim(low, max(high, 2.0) * 8.0)  # room for the legend
     return _svg(figure)
+
+
+def px4_svg(history: History, beside: Beside) -> str:
+    """PX4's own record on this log's time axis: position, speed and attitude, with its modes."""
+    figure, (place, fast, turn) = pictures.new_figure(rows=3, size=(9.0, 6.6))
+    record, start_s = beside.record, history.start_s
+    reach = (0.0, history.moments[-1].now_s - start_s)
+    heard_s = beside.heard[:, 0] - start_s
+
+    def own(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(times, columns), thinned."""
+        times = rows[:, 0] + beside.offset_s - start_s
+        kept = rows[(times >= reach[0]) & (times <= reach[1])]
+        kept = kept[:: max(1, math.ceil(len(kept) / POINTS_MAX))]
+        return kept[:, 0] + beside.offset_s - start_s, kept[:, 1:]
+
+    times, places = own(record.position)
+    asked_s, asked = own(record.asked_position)
+    for axis, (name, colour) in enumerate((("north", BLUE), ("east", ORANGE), ("up", GREEN))):
+        sign = -1.0 if name == "up" else 1.0
+        place.plot(asked_s, sign * asked[:, axis], color=colour, lw=0.8, ls=":")
+        place.plot(times, sign * places[:, axis], color=colour, lw=1.2, label=name)
+        place.plot(heard_s, sign * beside.heard[:, axis + 1], color=INK, lw=0.5, ls="--")
+    times, velocity = own(record.velocity)
+    asked_s, asked = own(record.asked_velocity)
+    fast.plot(asked_s, np.hypot(asked[:, 0], asked[:, 1]), color=SKY, lw=0.9, label="asked")
+    fast.plot(times, np.hypot(velocity[:, 0], velocity[:, 1]), color=INK, lw=1.1, label="speed")
+    times, angles = own(record.attitude)
+    for axis, (name, colour) in enumerate((("roll", BLUE), ("pitch", ORANGE))):
+        turn.plot(times, np.degrees(angles[:, axis]), color=colour, lw=0.9, label=name)
+    for axes, unit in ((place, "m"), (fast, "m/s"), (turn, "deg")):
+        _mark_modes(axes, beside, start_s, reach)
+        axes.set_xlim(*reach)
+        axes.set_ylabel(unit)
+        axes.grid(visible=True, color=LOW, lw=0.5)
+        axes.legend(loc="upper left", fontsize=8, frameon=False, ncols=3)
+    turn.set_xlabel("seconds since the first tick")
+    return _svg(figure)
+
+
+def _mark_modes(axes: Any, beside: Beside, start_s: float, reach: tuple[float, float]) -> None:
+    """A line where PX4 changed its mode; the word stands above the uppermost axes."""
+    for since_s, word in beside.record.nav_states:
+        at_s = max(reach[0], since_s + beside.offset_s - start_s)
+        if at_s > reach[1]:
+            continue
+        axes.axvline(at_s, color=PURPLE, lw=0.8)
+        if axes.get_subplotspec().is_first_row():
+            axes.annotate(
+                word,
+                (at_s, 1.0),
+                xycoords=("data", "axes fraction"),
+                xytext=(2, 3),
+                textcoords="offset points",
+                rotation=30,
+                fontsize=8,
+                color=PURPLE,
+            )
 
 
 def persistence_svg(replan: Replan, config: Config) -> str:

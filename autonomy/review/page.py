@@ -15,10 +15,12 @@ from autonomy.review.figures import (
     heard,
     map_svg,
     persistence_svg,
+    px4_svg,
     timeline_svg,
 )
 from autonomy.review.history import History, history_of
 from autonomy.review.invariants import Verdict, check
+from autonomy.review.ulog import Beside
 from hal.vehicle.guard import WORDS
 
 _STYLE = """
@@ -65,18 +67,23 @@ a neighbour. What reaches over the dashed line, the keep-out radius, is an obsta
 <section><h2>What happened</h2>$events</section>
 <section><h2>The guard</h2>$guard</section>
 <section><h2>What PX4 wrote</h2>$texts</section>
+$px4
 <footer class="quiet">$footer</footer>
 </main></body></html>
 """)
 
 
-def write(log: Path, report: FlightReport, out: Path) -> tuple[Verdict, ...]:
+def write(
+    log: Path, report: FlightReport, out: Path, beside: Beside | None = None
+) -> tuple[Verdict, ...]:
     """Write the page of the flight recorded at `log`; returns the promises that it broke.
+
+    `beside` is PX4's own record of it.
 
     Raises NotReplayable when the log cannot be flown again, BadInput when the page cannot be made.
     """
     history = history_of(log)
-    text = page_of(history, report)
+    text = page_of(history, report, beside)
     try:
         out.write_text(text, encoding="utf-8")
     except OSError as error:
@@ -84,7 +91,7 @@ def write(log: Path, report: FlightReport, out: Path) -> tuple[Verdict, ...]:
     return tuple(verdict for verdict in check(history) if not verdict.kept)
 
 
-def page_of(history: History, report: FlightReport) -> str:
+def page_of(history: History, report: FlightReport, beside: Beside | None = None) -> str:
     """The page as HTML text; raises BadInput when matplotlib is not installed."""
     verdicts = check(history)
     title = f"Flight {history.path.stem}"
@@ -106,6 +113,7 @@ def page_of(history: History, report: FlightReport) -> str:
         events=_events(history),
         guard=_guard(history),
         texts=_texts(history),
+        px4="" if beside is None else _px4(history, beside),
         footer=_footer(history),
     )
 
@@ -210,6 +218,28 @@ def guard_stretches(history: History) -> list[tuple[float, float, str]]:
 def _texts(history: History) -> str:
     rows = [(f"{t.stamp_s - history.start_s:.2f} s", t.text.strip()) for t in history.texts]
     return _table((), rows) if rows else "<p>Nothing.</p>"
+
+
+def _px4(history: History, beside: Beside) -> str:
+    """PX4's own log, on the time axis of this one."""
+    rows = [
+        (f"{since_s + beside.offset_s - history.start_s:.2f} s", word)
+        for since_s, word in beside.record.nav_states
+    ]
+    return (
+        "<section><h2>PX4's own log</h2>"
+        f'<p class="quiet">{escape(beside_words(beside))} Solid: PX4\'s estimate; dotted: what its '
+        "controllers asked for; dashed: what this program heard. Purple: its mode.</p>"
+        f"{px4_svg(history, beside)}{_table(('since', 'mode'), rows)}</section>"
+    )
+
+
+def beside_words(beside: Beside) -> str:
+    """How the two logs were brought to one time, in one sentence."""
+    return (
+        f"Laid beside this log {beside.how}: the positions of both are then "
+        f"{beside.apart_m * 100.0:.1f} cm apart (root mean square)."
+    )
 
 
 def _footer(history: History) -> str:

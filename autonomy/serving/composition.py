@@ -65,6 +65,7 @@ def serve(options: ServeOptions) -> int:
         notifier.status("compiling the planner: minutes the first time, then seconds")
         _LOG.info("compiling the planner: minutes the first time, then seconds")
         warm_up(notifier.status)
+        embedded: EmbeddedPx4 | None = None
         if options.scenario is not None:
             embedded = stack.enter_context(EmbeddedPx4(options.scenario, options.seed))
             connection = embedded.connection
@@ -86,7 +87,15 @@ def serve(options: ServeOptions) -> int:
         _LOG.info("listening on %s", url_of(listening))
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
         settle()
-        parts = Parts(config, desk, station, metrics, notifier, real_drivers(config))
+        parts = Parts(
+            config,
+            desk,
+            station,
+            metrics,
+            notifier,
+            real_drivers(config),
+            true_clearance_m=embedded.true_clearance_m if embedded is not None else None,
+        )
         asyncio.run(Service(parts).run())
     return int(ExitCode.GOAL_REACHED)
 

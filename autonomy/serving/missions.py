@@ -16,8 +16,7 @@ from autonomy.flight import Flight
 from autonomy.flightlog.recorder import FlightRecorder, host_boot
 from autonomy.geometry import Point
 from autonomy.model import Ending, OperatorCommand, Resumed
-from autonomy.report import FlightReport, FlyOptions
-from autonomy.service import logs
+from autonomy.report import FlightReport, FlyOptions, with_truth
 from autonomy.service.contract import MissionOrder, MissionRecord, MissionStatus, Phase
 from autonomy.service.station import FlownMission
 from autonomy.serving.attending import Attendant
@@ -155,9 +154,11 @@ class Missions:
         finally:
             self.flight = None
             self._hand_back(flight, planned.offset, connected)
-        return app.report_of(
+        report = app.report_of(
             mission, planned.route, outcome, flight.tally, recorder, connected.sensors
         )
+        truth = parts.true_clearance_m
+        return report if truth is None else with_truth(report, truth())
 
     def _hand_back(self, flight: Flight, offset: Point, connected: Connected) -> None:
         """The vehicle is the attendant's again: where the frame is, and whose the vehicle."""
@@ -184,13 +185,10 @@ class Missions:
     def _keep(self, mission_id: str, report: FlightReport) -> None:
         """The report into the mission's record, and beside its log."""
         station = self._parts.station
-        encoded = msgspec.json.encode(report)
         log = Path(report.log_path) if report.log_path is not None else None
-        if log is not None:
-            try:
-                logs.report_path(log).write_bytes(encoded)
-            except OSError as error:
-                station.tell("log", f"the report could not be kept ({error.strerror})")
+        refused = app.keep_report(report)
+        if refused is not None:
+            station.tell("log", refused)
         record = station.update(
             mission_id,
             status=MissionStatus.DONE,

@@ -61,6 +61,8 @@ class Parts:
     notifier: Notifier
     drivers: Drivers
     ending: asyncio.Event = field(default_factory=asyncio.Event)
+    true_clearance_m: Callable[[], float | None] | None = None
+    """In simulation: the least true clearance since it was asked last."""
 
     @property
     def period_s(self) -> float:

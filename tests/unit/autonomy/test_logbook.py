@@ -6,12 +6,14 @@ import msgspec
 import pytest
 from click.testing import CliRunner
 
+from autonomy.app import keep_report
 from autonomy.cli import main
 from autonomy.config import Config
 from autonomy.errors import ExitCode, NotReplayable
 from autonomy.flightlog.recorder import FlightRecorder
 from autonomy.logbook import replay_log, report_of_log
 from autonomy.model import Ending
+from autonomy.report import with_truth
 from autonomy.simulation import SimulatedFlight, with_scenario
 from hal.sim.scenario import load_scenario
 from tests.support.recorded import fly
@@ -64,6 +66,24 @@ def test_the_report_of_a_log_is_what_was_flown(flown: tuple[Path, SimulatedFligh
     assert "Goal reached" in shown
     as_json = CliRunner().invoke(main, ["report", "--json", str(path)]).stdout
     assert msgspec.json.decode(as_json)["ending"] == "goal_reached"
+
+
+def test_what_a_simulation_knew_is_told_from_the_report_beside_the_log(
+    flown: tuple[Path, SimulatedFlight], tmp_path: Path
+) -> None:
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(flown[0].read_bytes())
+    mapped = report_of_log(path)
+    assert not mapped.clearance_is_true
+    own = msgspec.structs.replace(with_truth(mapped, 0.1625), log_path=str(path))
+    assert keep_report(own) is None
+    assert report_of_log(path).minimum_clearance_m == 0.1625
+    assert report_of_log(path).clearance_is_true
+    Path(f"{path}.report.json").write_text("{")
+    assert report_of_log(path) == mapped
+    lost = msgspec.structs.replace(own, log_path=str(tmp_path / "no" / "a.mcap"))
+    assert keep_report(lost) == "the report could not be kept (No such file or directory)"
+    assert keep_report(msgspec.structs.replace(own, log_path=None)) is None
 
 
 def test_a_log_that_was_cut_is_replayed_and_reported_up_to_the_cut(

@@ -50,7 +50,15 @@ class Stage:
         self.metrics = Metrics(self.station)
         notifier = notifier or Notifier({})
         drivers = self.rig.drivers()
-        self.parts = Parts(self.config, desk, self.station, self.metrics, notifier, drivers)
+        self.parts = Parts(
+            self.config,
+            desk,
+            self.station,
+            self.metrics,
+            notifier,
+            drivers,
+            true_clearance_m=lambda: 0.4321,
+        )
         self.service = Service(self.parts)
 
     async def until_true(self, holds: Callable[[], bool]) -> None:
@@ -100,6 +108,9 @@ async def test_missions_begin_where_the_last_one_ended_and_keep_the_room_s_frame
             assert record.log is not None
             assert (tmp_path / record.log).exists()
             assert (tmp_path / (record.log + ".report.json")).exists()
+            assert record.report is not None
+            assert record.report["minimum_clearance_m"] == 0.4321  # what the simulator knows
+            assert record.report["clearance_is_true"]
         stage.service.stop()
     text = stage.metrics.text().decode()
     assert 'autonomy_missions_total{ending="goal_reached"} 3.0' in text

@@ -16,6 +16,7 @@ from click.testing import CliRunner
 
 from autonomy.cli import main
 from autonomy.errors import BadInput, ExitCode
+from autonomy.flightlog.reader import FlightLog
 from autonomy.logbook import report_of_log
 from autonomy.model import Command, Environment, Event, FilterHealth, MissionState
 from autonomy.review import reel as reel_module
@@ -26,8 +27,10 @@ from autonomy.review.invariants import Verdict, check
 from autonomy.review.page import guard_stretches, page_of
 from autonomy.review.reel import PERIOD_S, reel_of
 from autonomy.service.contract import EventView, Hits, PlanView, Reel, State, Track
+from hal.readings import FlightMode
 from hal.vehicle import guard
 from tests.support.recorded import fly
+from tests.support.ulog_file import as_px4_saw_it
 
 Change = Callable[[Moment], Moment]
 
@@ -198,6 +201,29 @@ def test_the_page_is_one_file_that_fetches_nothing(history: History) -> None:
     assert text.count("kept</span>") == len(check(history))
     assert "bit for bit" in text
     assert not re.search(r"@import|url\((?!#)", text)
+
+
+def test_px4s_own_log_is_laid_beside_it_on_the_page(history: History, tmp_path: Path) -> None:
+    """A log whose clock says nothing of ours: the positions bring the two together."""
+    ulog = as_px4_saw_it(FlightLog.open(history.path), tmp_path / "a.ulg", boot_s=-321.5)
+    out = tmp_path / "flight.html"
+    arguments = ["report", str(history.path), "--ulog", str(ulog)]
+    answer = CliRunner().invoke(main, [*arguments, "--html", str(out)])
+    assert answer.exit_code == 0, answer.output
+    assert "by where the positions fit best: the positions of both are then 0." in answer.output
+    page = out.read_text(encoding="utf-8")
+    assert page.count("<svg") == 4 + len(history.replans)
+    offboard_s = next(
+        tick.inputs.now_s - history.start_s
+        for tick in FlightLog.open(history.path)
+        if tick.inputs.status.mode is FlightMode.OFFBOARD
+    )
+    told = re.search(r"<td>(\d+\.\d+) s</td><td>Offboard</td>", page)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(offboard_s, abs=0.1)
+    answer = CliRunner().invoke(main, arguments)
+    assert answer.exit_code == int(ExitCode.USAGE)
+    assert "give --html as well" in answer.stderr
 
 
 def test_the_page_shows_what_every_source_of_the_filter_came_to(history: History) -> None:
