@@ -93,13 +93,31 @@ def _speed(history: History, moment: Moment) -> list[str]:
     return lines
 
 
-def speed_rule(limit_m_s: float, guidance: GuidanceConfig) -> str:
-    """Which row of Table 2 a speed limit came from."""
+MAXIMUM, BETWEEN, MINIMUM, ZERO = SPEED_ROWS = (
+    "maximum: nothing near, or receding from it",
+    "between minimum and maximum, for the clearance",
+    "minimum: something was near",
+    "zero: not seen free",
+)
+"""The rows of Table 2, as they are flown (t3drm/speed.py)."""
+
+
+def speed_row(limit_m_s: float, guidance: GuidanceConfig) -> str:
+    """The one of SPEED_ROWS that a speed limit came from."""
     if limit_m_s >= guidance.speed_max_m_s:
-        return f"Table 2 gave the maximum, {limit_m_s:.2f} m/s: nothing near, or receding from it."
-    if limit_m_s <= guidance.speed_min_m_s:
-        return f"Table 2 gave the minimum, {limit_m_s:.2f} m/s: something was near."
-    return f"Table 2 gave {limit_m_s:.2f} m/s, between minimum and maximum, for the clearance."
+        return MAXIMUM
+    if limit_m_s > guidance.speed_min_m_s:
+        return BETWEEN
+    return MINIMUM if limit_m_s > 0.0 else ZERO
+
+
+def speed_rule(limit_m_s: float, guidance: GuidanceConfig) -> str:
+    """Which row of Table 2 a speed limit came from, in a sentence."""
+    row = speed_row(limit_m_s, guidance)
+    name, colon, why = row.partition(": ")
+    if not colon:
+        return f"Table 2 gave {limit_m_s:.2f} m/s, {row}."
+    return f"Table 2 gave the {name}, {limit_m_s:.2f} m/s: {why}."
 
 
 def _beams(history: History, moment: Moment) -> list[str]:

@@ -148,6 +148,11 @@ def px4_svg(history: History, beside: Beside) -> str:
     times, angles = own(record.attitude)
     for axis, (name, colour) in enumerate((("roll", BLUE), ("pitch", ORANGE))):
         turn.plot(times, np.degrees(angles[:, axis]), color=colour, lw=0.9, label=name)
+    heading = turn.twinx()
+    heading.plot(times, np.degrees(angles[:, 2]), ".", color=LOW, ms=1.5)
+    heading.set_ylabel("heading, deg", color=SOLID_EDGE)
+    turn.set_zorder(heading.get_zorder() + 1)
+    turn.patch.set_visible(False)
     for axes, unit in ((place, "m"), (fast, "m/s"), (turn, "deg")):
         _mark_modes(axes, beside, start_s, reach)
         axes.set_xlim(*reach)
@@ -159,13 +164,17 @@ def px4_svg(history: History, beside: Beside) -> str:
 
 
 def _mark_modes(axes: Any, beside: Beside, start_s: float, reach: tuple[float, float]) -> None:
-    """A line where PX4 changed its mode; the word stands above the uppermost axes."""
-    for since_s, word in beside.record.nav_states:
-        at_s = max(reach[0], since_s + beside.offset_s - start_s)
-        if at_s > reach[1]:
+    """A line where PX4 changed its mode; above the uppermost axes the word, where there is room."""
+    modes = beside.record.nav_states
+    shift_s = beside.offset_s - start_s
+    for number, (since_s, word) in enumerate(modes):
+        at_s = max(reach[0], since_s + shift_s)
+        until_s = modes[number + 1][0] + shift_s if number + 1 < len(modes) else reach[1]
+        if at_s > reach[1] or until_s < reach[0]:
             continue
         axes.axvline(at_s, color=PURPLE, lw=0.8)
-        if axes.get_subplotspec().is_first_row():
+        lasts_s = min(until_s, reach[1]) - at_s
+        if lasts_s > 0.03 * reach[1] and axes.get_subplotspec().is_first_row():
             axes.annotate(
                 word,
                 (at_s, 1.0),

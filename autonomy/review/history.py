@@ -61,6 +61,7 @@ class Moment(msgspec.Struct, frozen=True):
     events: tuple[Event, ...]
     health: FilterHealth
     doubts: tuple[BeamDoubt, ...] = ()
+    faults: tuple[str, ...] = ()
 
     @property
     def speed_m_s(self) -> float:
@@ -164,6 +165,7 @@ def _note(history: History, command: Command, guarded: GuardedPilot, step_s: flo
             events=decision.events,
             health=fused.health if fused is not None else FilterHealth(),
             doubts=decision.doubts,
+            faults=decision.faults,
         )
     )
     history.limits.update(command.guard.limits)

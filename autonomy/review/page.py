@@ -1,7 +1,8 @@
 """One flight as one self-contained HTML page: nothing is fetched, it opens from a memory stick."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
+from itertools import pairwise
 from pathlib import Path
 from string import Template
 
@@ -9,7 +10,7 @@ from autonomy import __version__
 from autonomy.errors import BadInput
 from autonomy.model import SOURCES
 from autonomy.report import FlightReport, report_rows
-from autonomy.review.explain import DOING, plan_words
+from autonomy.review.explain import DOING, SPEED_ROWS, plan_words, speed_row
 from autonomy.review.figures import (
     estimator_svg,
     heard,
@@ -18,8 +19,8 @@ from autonomy.review.figures import (
     px4_svg,
     timeline_svg,
 )
-from autonomy.review.history import History, history_of
-from autonomy.review.invariants import Verdict, check
+from autonomy.review.history import History, Moment, history_of
+from autonomy.review.invariants import PATH_STATES, Verdict, check
 from autonomy.review.ulog import Beside
 from hal.vehicle.guard import WORDS
 
@@ -36,7 +37,7 @@ h1 { font-size: 1.35rem; margin: 0; } h2 { font-size: 1.05rem; margin: 0 0 .6rem
 p { margin: .2rem 0 .6rem; } .quiet { color: var(--quiet); }
 .good { color: var(--good); } .bad { color: var(--bad); } .word { font-weight: 700; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
-td:not(:last-child) { white-space: nowrap; }
+td:not(:last-child) { white-space: nowrap; } td:last-child { overflow-wrap: anywhere; }
 td, th { text-align: left; vertical-align: top; padding: .25rem .8rem .25rem 0;
   border-bottom: 1px solid var(--line); }
 th { color: var(--quiet); font-weight: 600; font-size: .85rem; }
@@ -56,7 +57,8 @@ _PAGE = Template("""<!doctype html>
 <section><h2>What had to be true</h2>$invariants</section>
 <section><h2>Speed and distance</h2>
 <p class="quiet">Bands: green straight at the goal, blue following a plan, orange stopping, yellow
-looking round, pink holding. Red ticks: the guard changed the setpoint.</p>$timeline</section>
+looking round, pink holding. Red ticks: the guard changed the setpoint.</p>$timeline
+$table2</section>
 <section><h2>The position filter</h2>
 <p class="quiet">Innovation squared against its gate: what is over the dashed line was
 rejected.</p>$estimator</section>
@@ -65,6 +67,7 @@ rejected.</p>$estimator</section>
 a neighbour. What reaches over the dashed line, the keep-out radius, is an obstacle of its own
 (purple).</p><div class="barcodes">$barcodes</div>$plans</section>
 <section><h2>What happened</h2>$events</section>
+<section><h2>What was wrong</h2>$faults</section>
 <section><h2>The guard</h2>$guard</section>
 <section><h2>What PX4 wrote</h2>$texts</section>
 $px4
@@ -111,6 +114,8 @@ def page_of(history: History, report: FlightReport, beside: Beside | None = None
         barcodes="".join(_barcode(history, number) for number in range(len(history.replans))),
         plans=_plans(history, report),
         events=_events(history),
+        table2=_table2(history),
+        faults=_faults(history),
         guard=_guard(history),
         texts=_texts(history),
         px4="" if beside is None else _px4(history, beside),
@@ -199,16 +204,59 @@ def _guard(history: History) -> str:
     return _table(("when", "rule", ""), rows) if rows else "<p>It changed nothing.</p>"
 
 
+def _faults(history: History) -> str:
+    """Stretches of time in which something counted as wrong, and the beams that were doubted."""
+    rows = [
+        (f"{begin:.2f} to {end:.2f} s", fault.replace("_", " "))
+        for begin, end, fault in _stretches(history, lambda moment: moment.faults)
+    ]
+    why = {f"beam {d.beam} {d.word}": d.why for m in history.moments for d in m.doubts}
+    rows += [
+        (f"{begin:.2f} to {end:.2f} s", f"{doubt}: {why[doubt]}")
+        for begin, end, doubt in _stretches(
+            history, lambda moment: [f"beam {d.beam} {d.word}" for d in moment.doubts]
+        )
+    ]
+    return _table(("when", ""), rows) if rows else "<p>Nothing.</p>"
+
+
+def _table2(history: History) -> str:
+    """How long the vehicle flew by each row of Table 2."""
+    guidance = history.config.guidance
+    spent: dict[str, float] = {}
+    for moment, after in pairwise(history.moments):
+        if moment.streaming and moment.state in PATH_STATES:
+            row = speed_row(moment.speed_limit_m_s, guidance)
+            spent[row] = spent.get(row, 0.0) + after.now_s - moment.now_s
+    whole_s = sum(spent.values())
+    if whole_s <= 0.0:
+        return ""
+    rows = [
+        (row, f"{spent[row]:.1f} s", f"{100.0 * spent[row] / whole_s:.0f} %")
+        for row in SPEED_ROWS
+        if row in spent
+    ]
+    return _table(("row of Table 2", "flown by", "of the way's time"), rows)
+
+
 def guard_stretches(history: History) -> list[tuple[float, float, str]]:
     """(begin, end, rule): consecutive ticks on which a rule of the guard changed the setpoint."""
+    return _stretches(history, lambda moment: moment.limits)
+
+
+def _stretches(
+    history: History, words: Callable[[Moment], Sequence[str]]
+) -> list[tuple[float, float, str]]:
+    """(begin, end, word): consecutive ticks of which a word holds."""
     open_since: dict[str, float] = {}
     found: list[tuple[float, float, str]] = []
     before_s = 0.0
     for moment in history.moments:
         at_s = moment.now_s - history.start_s
-        ended = [rule for rule in open_since if rule not in moment.limits]
+        now = words(moment)
+        ended = [rule for rule in open_since if rule not in now]
         found.extend((open_since.pop(rule), before_s, rule) for rule in ended)
-        for rule in moment.limits:
+        for rule in now:
             open_since.setdefault(rule, at_s)
         before_s = at_s
     found.extend((begin, before_s, rule) for rule, begin in open_since.items())

@@ -15,15 +15,24 @@ import pytest
 from click.testing import CliRunner
 
 from autonomy.cli import main
+from autonomy.config import GuidanceConfig
 from autonomy.errors import BadInput, ExitCode
 from autonomy.flightlog.reader import FlightLog
 from autonomy.logbook import report_of_log
-from autonomy.model import Command, Environment, Event, FilterHealth, MissionState
+from autonomy.model import (
+    BeamDoubt,
+    BeamWord,
+    Command,
+    Environment,
+    Event,
+    FilterHealth,
+    MissionState,
+)
 from autonomy.review import reel as reel_module
 from autonomy.review import worker
-from autonomy.review.explain import DOING, explain
+from autonomy.review.explain import DOING, explain, speed_rule
 from autonomy.review.history import History, Moment, history_of
-from autonomy.review.invariants import Verdict, check
+from autonomy.review.invariants import PATH_STATES, Verdict, check
 from autonomy.review.page import guard_stretches, page_of
 from autonomy.review.reel import PERIOD_S, reel_of
 from autonomy.service.contract import EventView, Hits, PlanView, Reel, State, Track
@@ -235,6 +244,38 @@ def test_the_page_shows_what_every_source_of_the_filter_came_to(history: History
         assert counts in section
     assert "test ratio" in section
     assert "the frame jumped 0" in section
+
+
+def test_the_page_tells_the_rows_of_table_2_and_what_was_wrong(history: History) -> None:
+    report = report_of_log(history.path)
+    page = page_of(history, report)
+    rows = re.findall(r"<td>(maximum|between|minimum|zero)[^<]*</td><td>(\d+\.\d) s</td>", page)
+    assert {"maximum", "minimum"} <= {name for name, _ in rows}
+    ways = [m.now_s for m in history.moments if m.streaming and m.state in PATH_STATES]
+    assert sum(float(s) for _, s in rows) == pytest.approx(len(ways) / 20.0, abs=0.3)
+    assert "<h2>What was wrong</h2><p>Nothing.</p>" in page
+    at = cruising(history)
+    since_s = history.moments[at].now_s
+    doubt = BeamDoubt("left", BeamWord.STUCK, since_s, "it repeats itself", "back")
+    wrong = altered(history, at, faults=("beam_doubted",), doubts=(doubt,))
+    page = page_of(wrong, report)
+    when = f"{since_s - history.start_s:.2f}"
+    assert f"<td>{when} to {when} s</td><td>beam doubted</td>" in page
+    assert f"<td>{when} to {when} s</td><td>beam left stuck: it repeats itself</td>" in page
+
+
+@pytest.mark.parametrize(
+    ("limit_m_s", "words"),
+    [
+        (0.2, "the maximum, 0.20"),
+        (0.1, "0.10 m/s, between"),
+        (0.05, "the minimum"),
+        (0.0, "the zero"),
+    ],
+)
+def test_a_speed_limit_tells_its_row_of_table_2(limit_m_s: float, words: str) -> None:
+    guidance = GuidanceConfig(speed_min_m_s=0.05, speed_max_m_s=0.2)
+    assert f"Table 2 gave {words}" in speed_rule(limit_m_s, guidance)
 
 
 def test_a_log_of_before_there_was_health_says_so(history: History) -> None:
