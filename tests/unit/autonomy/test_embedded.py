@@ -19,3 +19,4 @@ def test_the_true_clearance_is_that_since_it_was_asked_last() -> None:
     assert px4.true_clearance_m() is None
     write((0.05, False), (0.7, True))
     assert px4.true_clearance_m() == 0.7
+    px4.__exit__()  # removes its folder
