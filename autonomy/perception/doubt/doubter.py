@@ -1,6 +1,7 @@
 """Which beams are believed: detectors in, one word a beam out, and readings marked accordingly."""
 
 import math
+from collections import deque
 from collections.abc import Iterable, Sequence
 
 import msgspec
@@ -34,6 +35,8 @@ _QUIET_ANEW = (BeamWord.JUMPING, BeamWord.CROSS_TALK)
 FLYING_M = 0.3
 _NEAR_M = 0.05
 _SAME_HEIGHT_M = 0.12
+_TURN_S = 6.0
+"""Within it every level beam has looked everywhere."""
 _STALL_S = 0.5
 """A loop that comes later than this did not listen meanwhile: silence then says nothing."""
 
@@ -46,6 +49,8 @@ class _Beam:
         self.doubt: BeamDoubt | None = None
         self.clean_since_s: float | None = None
         self.times = 0
+        self.jumped_m: deque[float] = deque(maxlen=round(_TURN_S / PERIOD_S))
+        """By how much its values jumped, look by look."""
 
 
 class Doubt:
@@ -134,6 +139,8 @@ class Doubt:
         self._looked_s = now_s
         evidence = self._witness.beams(now_s)
         flying = self._flying(fused)
+        for beam in self._beams:
+            beam.jumped_m.append(evidence[beam.index].noise_m)
         if self._thorough and flying and constant.frozen(evidence):
             why = "all beams repeat themselves"
             self._doubt_all(now_s, self._trusted(), Suspicion(BeamWord.STUCK, why))
@@ -186,11 +193,23 @@ class Doubt:
         if found is None and flying:
             found = lens.find(evidence)
         if found is None and flying:
-            found = noise.find(evidence, self._names, upright=upright)
+            clutter_m = 0.0 if upright else self._clutter_m(beam)
+            found = noise.find(evidence, self._names, upright=upright, clutter_m=clutter_m)
         if found is None and flying:
             check = constant.find_upright if upright else constant.find_turning
             found = check(evidence)
         return found
+
+    def _clutter_m(self, beam: _Beam) -> float:
+        """The most that the values of another believed level beam jumped within a turn."""
+        return max(
+            (
+                max(other.jumped_m)
+                for other in self._beams
+                if other is not beam and other.mount.horizontal and other.doubt is None
+            ),
+            default=0.0,
+        )
 
     def _since(self, now_s: float, found: Suspicion, evidence: BeamEvidence) -> float:
         """Silence began with the last measurement, as far as this program listened since."""
