@@ -201,12 +201,15 @@ class Doubt:
         return found
 
     def _clutter_m(self, beam: _Beam) -> float:
-        """The most that the values of another believed level beam jumped within a turn."""
+        """The most that the values of another level beam jumped within a turn.
+
+        Doubted ones count, too: who looked among the posts first is doubted until a second one has.
+        """
         return max(
             (
                 max(other.jumped_m)
                 for other in self._beams
-                if other is not beam and other.mount.horizontal and other.doubt is None
+                if other is not beam and other.mount.horizontal
             ),
             default=0.0,
         )

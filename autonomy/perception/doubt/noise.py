@@ -20,7 +20,7 @@ def find(
 ) -> Suspicion | None:
     """Half of its values jump by more than its noise; lone spikes are another beam's values.
 
-    `clutter_m`: the most that any other believed beam's values jumped within a turn.
+    `clutter_m`: the most that any other level beam's values jumped within a turn.
     """
     if evidence.copies >= _COPIES:
         other = names[int(evidence.copies_of)]
