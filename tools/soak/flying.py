@@ -90,7 +90,7 @@ def _missions(
     samples: list[Sample] = []
     endings: list[str] = []
     started_s = time.monotonic()
-    goals = itertools.cycle([[2.0, 1.5], [-2.0, -1.5]])  # about where it was armed
+    goals = itertools.cycle([[2.0, 1.5], [0.0, 0.0]])
     before = _lags(client)
     mission = ""
     while True:
