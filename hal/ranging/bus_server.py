@@ -12,6 +12,7 @@ from hal.config import BeamMount
 from hal.errors import ConnectionFailed, ReadingRefused
 from hal.ranging.gpio import OutputLine
 from hal.ranging.i2c_bus import BusHeld, I2cBus, I2cError
+from hal.ranging.quarantine import Quarantine, Segment
 from hal.ranging.ranger import Addressable, ChipReset, ChipSilent, Limits, Ranger, WrongChip
 from hal.readings import RangeReading
 
@@ -39,12 +40,16 @@ class Station:
         limits: Limits,
         ranger: Ranger,
         switch: tuple[Addressable, OutputLine] | None = None,
+        segment: Segment | None = None,
     ) -> None:
-        """`switch` is (ranger, its XSHUT line) for a sensor that is given its address."""
+        """`switch` is (ranger, its XSHUT line) for a sensor that is given its address; `segment`
+        the channel that it is behind.
+        """
         self.mount = mount
         self.limits = limits
         self.ranger = ranger
         self.switch = switch
+        self.segment = segment
         self.up = False
         self.heard = False
         """True after its first measurement."""
@@ -56,6 +61,8 @@ class Station:
         """Failed transfers."""
         self.refusals = 0
         """How often in a row another chip answered."""
+        self.left_out_until_s = 0.0
+        """Its channel holds the bus low and is not selected before."""
         self.starting: Iterator[float] | None = None
         self.addressing = False
         """True while it is, or may be, at the power-up address of all."""
@@ -93,14 +100,19 @@ class BusServer:
         stations: Sequence[Station],
         clock: Clock,
         give: Callable[[RangeReading], None],
-        free_bus: Callable[[], None] = lambda: None,
+        free_bus: Callable[[], bool] = lambda: False,
+        culprit: Callable[[], Segment | None] = lambda: None,
     ) -> None:
-        """`free_bus` resets the multiplexers, for a bus that is held low."""
+        """`free_bus` resets the multiplexers, for a bus that is held low; False where they have no
+        line for it. `culprit` is the channel that was connected when the bus went low.
+        """
         self._bus = bus
         self._stations = tuple(stations)
         self._clock = clock
         self._give = give
         self._free_bus = free_bus
+        self._culprit = culprit
+        self._quarantine = Quarantine()
         self._held = 0
         self._next_rescue_s = float("-inf")
         self.rescues = 0
@@ -112,8 +124,8 @@ class BusServer:
             if station.up and station.due_s <= self._clock.now_s():
                 self._attempt(station, self._poll)
         self._start_all()
-        if self._held >= HELD_IN_A_ROW and self._clock.now_s() >= self._next_rescue_s:
-            self._rescue()
+        if self._held >= HELD_IN_A_ROW:
+            self._free()
         now_s = self._clock.now_s()
         waits = [station.due_s - now_s for station in self._stations if self._counts(station)]
         return min(max(min(waits, default=_IDLE_S), 0.0), _IDLE_S)
@@ -145,7 +157,8 @@ class BusServer:
         try:
             act(station)
         except BusHeld as error:
-            self._held += 1
+            known = self._quarantine.knows(self._culprit(), self._clock.now_s())
+            self._held += HELD_IN_A_ROW if known else 1
             self._failed(station, error)
         except I2cError as error:
             self._held = 0
@@ -252,21 +265,62 @@ class BusServer:
 
     # ------------------------------------------------------------------ the bus itself
 
-    def _rescue(self) -> None:
-        """Free a bus that is held low: reset multiplexers and sensors, begin anew.
+    def _free(self) -> None:
+        """A bus that is held low: leave out what holds it, else begin anew with everything."""
+        now_s = self._clock.now_s()
+        culprit = self._culprit()
+        if culprit is not None and self._disconnected():
+            self._leave_out(culprit, now_s)
+        elif now_s >= self._next_rescue_s:
+            self._rescue(now_s)
+
+    def _disconnected(self) -> bool:
+        """True when the multiplexers were reset by their line."""
+        try:
+            return self._free_bus()
+        except OSError:
+            return False  # `_rescue` says so
+
+    def _leave_out(self, culprit: Segment, now_s: float) -> None:
+        """Without the channel the bus is free, and what is behind the others measures on."""
+        self.rescues += 1
+        self._held = 0
+        pause_s = self._quarantine.blame(culprit, now_s)
+        address, channel = culprit
+        for station in self._stations:
+            if station.segment == culprit:
+                self._down(
+                    station,
+                    f"channel {channel} of {address:#04x} holds the bus low, and is left out for "
+                    f"{pause_s:g} s; look for a short circuit there",
+                )
+                station.left_out_until_s = now_s + pause_s
+                station.due_s = now_s + max(pause_s, _RESET_S)
+        self._reopen()
+
+    def _rescue(self, now_s: float) -> None:
+        """Reset multiplexers and sensors, begin anew.
 
         A chip that was interrupted within a byte holds the data line until it is clocked or reset.
         The kernel clocks; this resets what has a reset line.
         """
-        now_s = self._clock.now_s()
         self.rescues += 1
         self._held = 0
         self._next_rescue_s = now_s + RESCUE_EVERY_S
         for station in self._stations:
             self._down(station, "the bus was held low")
-            station.due_s, station.retry_s = now_s + _RESET_S, RETRY_FIRST_S
+            station.due_s = max(now_s + _RESET_S, station.left_out_until_s)
+            station.retry_s = RETRY_FIRST_S
         try:
             self._free_bus()
+        except OSError as error:
+            for station in self._stations:
+                station.trouble = str(error)
+            return
+        self._reopen()
+
+    def _reopen(self) -> None:
+        try:
             self._bus.reopen()
         except (OSError, ConnectionFailed) as error:
             for station in self._stations:

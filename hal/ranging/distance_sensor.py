@@ -42,8 +42,7 @@ class DistanceMessage(msgspec.Struct, frozen=True):
 
         Raises ReadingRefused when the limits leave no range.
         """
-        min_m = max(self.min_distance * 0.01, config.min_m)
-        max_m = min(self.max_distance * 0.01, config.max_m)
+        min_m, max_m = believed_m(self.min_distance, self.max_distance, mount, config)
         range_m = max(0.0, self.current_distance * 0.01 - mount.offset_m)
         if self.signal_quality == INVALID or not 0 <= self.current_distance < WRAPPED_CM:
             status, range_m = RangeStatus.NO_SIGNAL, 0.0
@@ -67,6 +66,19 @@ class DistanceMessage(msgspec.Struct, frozen=True):
         if self.covariance in UNKNOWN_COVARIANCE:
             return modelled_variance_m2(range_m)
         return self.covariance * 1e-4 + ROUNDING_M2
+
+
+def believed_m(
+    min_cm: int, max_cm: int, mount: BeamMount, config: BeamsConfig
+) -> tuple[float, float]:
+    """(least, greatest) range that a message can tell of: the narrower of its own limits and the
+    configured ones.
+
+    A sender's limits are of what it reads, so the offset comes off them, too: what it clips to
+    100 cm is clipped however far it reads wrong, and it looked no farther than that.
+    """
+    min_m = max(min_cm * 0.01 - mount.offset_m, config.min_m)
+    return min_m, min(max_cm * 0.01 - mount.offset_m, config.max_m)
 
 
 def modelled_variance_m2(range_m: float) -> float:

@@ -188,14 +188,19 @@ class I2cRangeSensor:
         if reset is not None:
             reset.set(high=True)
 
-        def free_bus() -> None:
+        def free_bus() -> bool:
             switches.forget()
-            if reset is not None:
-                reset.set(high=False)
-                waiter.pause(_MUX_RESET_S)
-                reset.set(high=True)
+            if reset is None:
+                return False
+            reset.set(high=False)
+            waiter.pause(_MUX_RESET_S)
+            reset.set(high=True)
+            switches.were_reset()
+            return True
 
-        return BusServer(bus, stations, self._clock, self._readings.append, free_bus)
+        return BusServer(
+            bus, stations, self._clock, self._readings.append, free_bus, lambda: switches.culprit
+        )
 
     def _station(
         self,
@@ -203,13 +208,18 @@ class I2cRangeSensor:
         ranger: Ranger,
         switch: tuple[Addressable, OutputLine] | None,
     ) -> Station:
-        limits = Limits(max(self._beams.min_m, ranger.min_m), min(self._beams.max_m, ranger.max_m))
+        mount = self._beams.mount(sensor.beam)
+        # A chip's limits are of what it reads: the offset comes off them, too.
+        limits = Limits(
+            max(self._beams.min_m, ranger.min_m - mount.offset_m),
+            min(self._beams.max_m, ranger.max_m - mount.offset_m),
+        )
         if limits.min_m >= limits.max_m:
             raise ConnectionFailed(
                 f"beam {sensor.beam}: a {ranger.kind} measures {ranger.min_m:g} to "
                 f"{ranger.max_m:g} m, which has nothing in common with beams.min_m and max_m"
             )
-        return Station(self._beams.mount(sensor.beam), limits, ranger, switch)
+        return Station(mount, limits, ranger, switch, sensor.segment)
 
 
 def _let_go(bus: I2cBus | None, lines: list[OutputLine]) -> None:

@@ -6,7 +6,7 @@ import msgspec
 
 from hal.config import BeamMount, BeamsConfig
 from hal.errors import ReadingRefused
-from hal.ranging.distance_sensor import modelled_variance_m2
+from hal.ranging.distance_sensor import believed_m, modelled_variance_m2
 from hal.readings import RangeReading, RangeStatus
 
 BODY_FRD = 12  # MAV_FRAME
@@ -63,8 +63,7 @@ class ObstacleMessage(msgspec.Struct, frozen=True):
         thin beam only the sector in its own direction counts.
         Raises ReadingRefused when the limits leave no range.
         """
-        min_m = max(self.min_distance * 0.01, config.min_m)
-        max_m = min(self.max_distance * 0.01, config.max_m)
+        min_m, max_m = believed_m(self.min_distance, self.max_distance, mount, config)
         ahead, beside = self._sectors(mount.yaw_deg, mount.half_angle_deg or 0.0)
         known = [cm for cm in (*ahead, *beside) if cm != UNKNOWN_CM]
         if not known:

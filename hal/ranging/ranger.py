@@ -28,7 +28,7 @@ class ChipSilent(I2cError):
 
 
 class Limits(msgspec.Struct, frozen=True):
-    """Range that a beam is believed in, metres."""
+    """Range that a beam is believed in, metres; its offset is taken off."""
 
     min_m: float
     max_m: float
@@ -48,7 +48,9 @@ class Measured(msgspec.Struct, frozen=True):
     """The chip itself says that it is broken; it is started anew when that goes on."""
 
     def reading(self, read_s: float, mount: BeamMount, limits: Limits) -> RangeReading:
-        """As a reading of the beam: without its offset, and within its limits."""
+        """As a reading of the beam: without its offset, and within its limits, which are of the
+        range without it.
+        """
         status, range_m = self.status, 0.0
         if status in (RangeStatus.VALID, RangeStatus.SUSPECT):
             range_m = max(0.0, self.range_m - mount.offset_m)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hal.clock import SimClock
+from hal.ranging.quarantine import Quarantine
 from hal.readings import RangeReading, RangeStatus
 from tests.support import i2c_rig
 from tests.support.fake_tof import Target, still
@@ -170,6 +171,55 @@ def test_a_bus_that_is_held_behind_a_multiplexer_is_freed_by_its_reset() -> None
     served.run(1.5)
     assert not held["low"]
     assert_all_measure(served)
+
+
+def shorted(channel: int, since_s: float = 0.0) -> tuple[Served, dict[str, bool]]:
+    """Six sensors behind a multiplexer with a reset line; behind `channel` SDA is at ground."""
+    short = {"there": since_s == 0.0}
+
+    def wire(clock: SimClock) -> Bench:
+        bench = distinct(i2c_rig.behind_a_multiplexer)(clock)
+        bench.mux_reset = "gpiochip0/4"
+        bench.lines["gpiochip0/4"] = lambda high: None if high else bench.mux.brown_out()
+        bench.bus.holder = lambda: short["there"] and bool(bench.mux.mask >> channel & 1)
+        return bench
+
+    served = Served(wire)
+    served.run(since_s)
+    short["there"] = True
+    return served, short
+
+
+@pytest.mark.parametrize("since_s", [0.0, 1.0])
+def test_a_short_behind_one_channel_takes_one_beam_only(since_s: float) -> None:
+    served, short = shorted(2, since_s)
+    served.run(1.5)
+    starts = {beam: served.station(beam).starts for beam in NAMES}
+    readings = served.run(60.0)
+    guilty = served.station("back")
+    assert of(readings, "back") == []
+    assert "channel 2 of 0x70 holds the bus low" in guilty.trouble
+    assert served.server.rescues <= 6
+    for beam in NAMES:
+        if beam != "back":
+            stamps = [reading.stamp_s for reading in of(readings, beam)]
+            assert max(b - a for a, b in pairwise(stamps)) < 0.3, beam
+            assert served.station(beam).starts == starts[beam], beam
+    short["there"] = False
+    served.run(80.0)
+    assert_all_measure(served)
+
+
+def test_a_channel_that_behaves_again_is_forgiven() -> None:
+    quarantine = Quarantine()
+    assert not quarantine.knows((0x70, 1), 0.0)
+    assert [quarantine.blame((0x70, 1), now_s) for now_s in (0.0, 1.0, 6.0, 25.0)] == [0, 4, 16, 64]
+    assert quarantine.blame((0x70, 2), 26.0) == 0.0
+    assert quarantine.knows((0x70, 1), 148.0)
+    assert not quarantine.knows((0x70, 1), 150.0)
+    assert quarantine.blame((0x70, 1), 150.0) == 0.0
+    pauses = [quarantine.blame((0x70, 1), 150.0 + 400.0 * k / 10.0) for k in range(1, 9)]
+    assert max(pauses) == 300.0
 
 
 def test_while_one_is_addressed_nobody_else_listens_at_the_power_up_address() -> None:

@@ -15,8 +15,10 @@ from hal.ranging.ranger import Limits, Measured
 from hal.ranging.waiter import ThreadWaiter
 from hal.readings import RangeStatus
 from tests.support import i2c_rig
+from tests.support.fake_adc import FakeSharp
 from tests.support.link import SpokenLink
 from tests.support.lockstep import LockstepTime
+from tests.unit.hal.ranging.served import Served
 
 MUX = {"chip": "vl53l0x", "mux_address": 0x70}
 LINE = {"chip": "vl53l0x", "xshut": "gpiochip0/4", "address": 0x30}
@@ -194,3 +196,28 @@ def test_limits_hold_after_the_offset(offset_m: float, status: RangeStatus, rang
     reading = MEASURED.reading(10.0, BeamMount(name="up", offset_m=offset_m), LIMITS)
     assert reading.status is status
     assert reading.range_m == pytest.approx(range_m)
+
+
+@pytest.mark.parametrize(
+    ("offset_m", "target_m", "status", "range_m"),
+    [
+        (0.05, 0.81, RangeStatus.OUT_OF_RANGE, 0.75),
+        (0.05, 0.79, RangeStatus.VALID, 0.74),
+        (-0.05, 0.095, RangeStatus.TOO_NEAR, 0.15),
+        (-0.05, 0.115, RangeStatus.VALID, 0.165),
+    ],
+)
+def test_the_chips_limits_are_of_what_it_reads(
+    offset_m: float, target_m: float, status: RangeStatus, range_m: float
+) -> None:
+    def wire(clock: SimClock) -> i2c_rig.Bench:
+        bench = i2c_rig.Bench(clock)
+        bench.add_sharp("up", 0)
+        bench.adcs[0x48].inputs[0] = FakeSharp(lambda _now_s: target_m)
+        return bench
+
+    config = wire(SimClock(100.0)).config()
+    mount = config.mounts[0].model_copy(update={"offset_m": offset_m})
+    reading = Served(wire, config.model_copy(update={"mounts": (mount,)})).run(1.0)[-1]
+    assert reading.status is status
+    assert reading.range_m == pytest.approx(range_m, abs=0.005)

@@ -10,6 +10,7 @@ import pytest
 from hal.config import BeamMount, BeamsConfig, MavlinkDriver
 from hal.ranging.distance_sensor import DistanceMessage
 from hal.ranging.mavlink_beams import MavlinkBeams
+from hal.ranging.obstacle_distance import ObstacleMessage
 from hal.ranging.orientations import orientation_of
 from hal.readings import RangeReading, RangeStatus
 from tests.support.link import SpokenLink
@@ -195,6 +196,30 @@ def test_offset_and_noise_of_a_beam_are_taken_from_its_mount() -> None:
     assert reading.variance_m2 == pytest.approx(0.01)
     near = DistanceMessage(0, 2, 100, 4, 0, 0, 255).reading(1.0, mount, config)
     assert near.status is RangeStatus.TOO_NEAR
+
+
+@pytest.mark.parametrize(
+    ("offset_m", "cm", "status", "range_m"),
+    [
+        (0.05, 100, RangeStatus.OUT_OF_RANGE, 0.95),  # it looked no farther than that
+        (0.05, 99, RangeStatus.VALID, 0.94),
+        (-0.05, 10, RangeStatus.TOO_NEAR, 0.15),
+        (-0.05, 11, RangeStatus.VALID, 0.16),
+        (-0.05, 96, RangeStatus.OUT_OF_RANGE, 1.0),  # beams.max_m is of the true range
+    ],
+)
+def test_the_messages_limits_are_of_what_was_read(
+    offset_m: float, cm: int, status: RangeStatus, range_m: float
+) -> None:
+    mount = BeamMount(name="front", offset_m=offset_m)
+    config = BeamsConfig(mounts=(mount,))
+    single = DistanceMessage(0, 10, 100, cm, 0, 0, 255).reading(1.0, mount, config)
+    ring = ObstacleMessage(0, (cm,) * 72, 5, 10, 100).reading(1.0, mount, config)
+    assert ring is not None
+    for reading in (single, ring):
+        assert reading.status is status
+        assert reading.range_m == pytest.approx(range_m)
+        assert reading.min_m <= reading.range_m <= reading.max_m
 
 
 async def test_a_stamp_is_the_senders_less_the_latency_of_the_beam() -> None:
