@@ -376,13 +376,17 @@ class _Notes(logging.Handler):
 
 @contextlib.contextmanager
 def _warnings_noted(progress: Progress) -> Iterator[None]:
-    """What the hardware layer warns of is shown with the flight, not over it."""
-    handler, hal_log = _Notes(progress), logging.getLogger("hal")
-    hal_log.addHandler(handler)
+    """What is warned of is shown with the flight, not over it.
+
+    All of it: what nobody took would be written to stderr by whoever warns, and a terminal that was
+    stopped would stop that thread.
+    """
+    handler, root = _Notes(progress), logging.getLogger()
+    root.addHandler(handler)
     try:
         yield
     finally:
-        hal_log.removeHandler(handler)
+        root.removeHandler(handler)
 
 
 @contextlib.contextmanager

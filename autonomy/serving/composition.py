@@ -13,6 +13,7 @@ from autonomy import app
 from autonomy.config import Config, load_config
 from autonomy.embedded import EmbeddedPx4
 from autonomy.errors import ExitCode
+from autonomy.patient_log import patient_log
 from autonomy.service.api import Api
 from autonomy.service.lock import Holder, VehicleLock, utc_now
 from autonomy.service.metrics import Metrics
@@ -49,12 +50,12 @@ def serve(options: ServeOptions) -> int:
 
     Raises BadInput, DocumentError, PortInUse, VehicleHeld before anything is connected.
     """
-    logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(levelname)s %(message)s")
     logging.getLogger("uvicorn").setLevel(logging.WARNING)
     config = _effective(options)
     access = access_of(config.service, os.environ)
     notifier = Notifier(os.environ)
     with ExitStack() as stack:
+        stack.enter_context(patient_log())
         listening = listening_socket(config.service.host, config.service.port)
         stack.callback(listening.close)
         connection = options.connection or config.vehicle.connection

@@ -113,7 +113,8 @@ class Deadman:
         self.stops = 0
         """How often the loop fell silent."""
         self.handovers = 0
-        """How often the vehicle was given to the autopilot because the loop stayed silent."""
+        """How often the vehicle was given to the autopilot because the loop stayed silent; it
+        rises just before the autopilot is asked."""
 
     def __enter__(self) -> Self:
         self._closing.clear()
@@ -157,10 +158,11 @@ class Deadman:
         with self._lock:
             state = self._rule.poll(now_s)
         if state is Watch.SILENT:
+            # Told last: whoever takes the words may be slow, or never take them.
+            self._try(self._on_silent)
             if before is not Watch.SILENT:
                 self.stops += 1
                 _LOG.error("the control loop is silent: stopping the vehicle")
-            self._try(self._on_silent)
         if state is Watch.DEAD:
             self._hand_over(now_s)
         else:
@@ -171,14 +173,17 @@ class Deadman:
         """Ask for Hold, unless the answer to the last time may still be on its way."""
         if self._asked_s is not None and now_s - self._asked_s < _ASK_AGAIN_S:
             return
-        if not self._try(self._on_dead):
-            return
-        _LOG.error("the control loop stays silent: the vehicle was told to hold (PX4's Hold)")
-        first, self._asked_s = self._asked_s is None, now_s
+        first = self._asked_s is None
+        # Counted before: a loop that wakes up just now must not take this for a pilot's switch.
         self.handovers += first
+        if not self._try(self._on_dead):
+            self.handovers -= first
+            return
+        self._asked_s = now_s
         tell = self._on_handed_over
         if first and tell is not None:
             self._try(lambda: tell(now_s))
+        _LOG.error("the control loop stays silent: the vehicle was given to PX4 (Hold, else Land)")
 
     @staticmethod
     def _try(action: Callable[[], bool | None]) -> bool:

@@ -1,4 +1,4 @@
-"""What the hardware layer warns of during a flight."""
+"""What is warned of during a flight."""
 
 import io
 import json
@@ -10,7 +10,7 @@ from autonomy import app
 from autonomy.progress import Progress
 
 
-def test_warnings_of_the_hardware_are_shown_with_the_flight_once(
+def test_warnings_are_shown_with_the_flight_once(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = io.StringIO()
@@ -20,8 +20,10 @@ def test_warnings_of_the_hardware_are_shown_with_the_flight_once(
             logging.getLogger("hal.mavsdk").warning("Sending message failed")
         logging.getLogger("hal.vehicle.deadman").error("the control loop is silent")
         logging.getLogger("hal.mavsdk").info("connected")
+        logging.getLogger("asyncio").error("a task was lost")
     assert [json.loads(line)["text"] for line in out.getvalue().splitlines()] == [
         "Sending message failed",
         "the control loop is silent",
+        "a task was lost",
     ]
     assert capsys.readouterr().err == ""

@@ -1,5 +1,6 @@
 """The deadman's rule on a simulated clock, and its thread without waiting for wall-clock time."""
 
+import logging
 import threading
 
 import pytest
@@ -215,3 +216,44 @@ def test_a_hand_over_is_told_once_and_what_fails_there_stops_nothing(
     assert len(told) == 1
     assert told[0] == pytest.approx(1.3, abs=0.1)
     assert "it will be tried again" in caplog.text
+
+
+class Terminal(logging.Handler):
+    """A terminal that keeps what had been done when it was told."""
+
+    def __init__(self, calls: Calls) -> None:
+        super().__init__()
+        self._calls = calls
+        self.done: list[tuple[int, int]] = []
+
+    def emit(self, _record: logging.LogRecord) -> None:
+        self.done.append((self._calls.stops, self._calls.holds))
+
+
+def test_the_vehicle_is_stopped_and_handed_over_before_a_word_is_said() -> None:
+    clock, calls = SimClock(), Calls()
+    terminal, log = Terminal(calls), logging.getLogger("hal.vehicle.deadman")
+    watch = deadman(clock, calls)
+    log.addHandler(terminal)
+    try:
+        watch.feed()
+        run(watch, clock, 5.0, Watch.RELEASED)
+    finally:
+        log.removeHandler(terminal)
+    assert terminal.done[0] == (1, 0)
+    assert terminal.done[1][1] == 1
+    assert len(terminal.done) == 2
+
+
+def test_a_loop_that_wakes_up_while_hold_is_asked_for_knows_whose_hold_it_is() -> None:
+    clock, counted = SimClock(), list[int]()
+
+    def hold() -> bool:
+        counted.append(watch.handovers)
+        return True
+
+    watch = Deadman(CONFIG, lambda: None, hold, clock)
+    watch.feed()
+    run(watch, clock, 2.0, Watch.RELEASED)
+    assert counted == [1]
+    assert watch.handovers == 1
