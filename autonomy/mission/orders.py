@@ -2,9 +2,9 @@
 
 from autonomy.mission.failsafe import Response
 from autonomy.mission.machine import NAVIGATING_STATES
-from autonomy.mission.sequence import Move
+from autonomy.mission.sequence import Move, stopped
 from autonomy.mission.tick import Tick
-from autonomy.model import Ending, MissionState, OperatorCommand, Outcome
+from autonomy.model import MissionState, OperatorCommand, Outcome
 
 _HOLD_BEFORE_LANDING_S = 3.0
 _BRIEF_HOLD_S = 1.0
@@ -32,21 +32,21 @@ class Orders:
         if command in (OperatorCommand.HOLD, OperatorCommand.RESUME):
             self._held = command is OperatorCommand.HOLD
             return None
-        why = "stopped by the operator"
-        outcome = Outcome(Ending.ABORTED, why)
         if tick.state is MissionState.PREFLIGHT:
-            return Move(MissionState.DONE, why, outcome)
+            self._landing = stopped(MissionState.DONE).outcome
+            return None  # it ends there, when what was selected for arming was given back
         if (
             command is OperatorCommand.LAND
             or self._landing is not None
             or tick.state not in NAVIGATING_STATES
         ):
-            return Move(MissionState.LAND, f"{why}: landing", outcome)
-        self._landing = outcome
+            return stopped(MissionState.LAND, ": landing")
+        move = stopped(MissionState.HOLD, ": holding, landing soon")
+        self._landing = move.outcome
         if tick.state is MissionState.HOLD:
             tick.entered_s = tick.now_s
             return None
-        return Move(MissionState.HOLD, f"{why}: holding, landing soon", outcome)
+        return move
 
     def stay(self, tick: Tick) -> Move | None:
         """After the orders of a tick: hold where HOLD was said."""

@@ -25,14 +25,19 @@ _SILENCE_ENDS_LANDING_S = 10.0
 _DISARMS_ITSELF_S = 5.0
 # Positions may still be on their way when the link has just opened.
 _GLOBAL_POSITION_COMES_S = 1.5
-# The mode that was selected for arming is given back when the flight does not happen.
-_GIVE_BACK_S = 2.0
+# The mode that was selected for arming is given back when the flight does not happen: two requests
+# one after another, and a heartbeat.
+_GIVE_BACK_S = 5.0
 # The link tells what the vehicle does within this.
 _IN_THE_AIR_S = 1.5
 # Where PX4 does not end its take-off in Hold, it is over at this part of the height.
 _CLIMBED = 0.85
-# An arming request that was on its way when the mission ended may still take effect.
 _SETTLE_S = 1.0
+# A heartbeat a second tells "armed": so long after the answer to ARM nothing of it is outstanding.
+_ARMED_IS_TOLD_S = 1.5
+# Requests wait for each other: the answer to ARM may come so many times its own time late.
+_REQUESTS_BEFORE_ARM = 2.0
+_OFF_THE_GROUND_M = 0.3
 
 _TAKING_OFF = frozenset({FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD})
 _PHASES = {
@@ -51,6 +56,17 @@ class Move(msgspec.Struct, frozen=True):
     outcome: Outcome | None = None
 
 
+def stopped(state: MissionState, doing: str = "") -> Move:
+    """The operator ended the mission."""
+    why = "stopped by the operator"
+    return Move(state, f"{why}{doing}", Outcome(Ending.ABORTED, why))
+
+
+def _off_the_ground(tick: Tick) -> bool:
+    """True for a vehicle that is known to be higher than where it was armed."""
+    return tick.fused.ok and -tick.fused.position_ned_m[2] > _OFF_THE_GROUND_M
+
+
 class Sequence:
     """The states around the flight proper. Remembers only when it asked last."""
 
@@ -64,7 +80,11 @@ class Sequence:
         self._offboard_from_s = _STREAM_BEFORE_OFFBOARD_S
         self._seen: set[FlightMode] = set()
         self._selected_takeoff = False
-        self._refused_to_arm_s = math.inf
+        self._takeoff_shown = False
+        """The vehicle told that it is in the selected mode, or cannot be any more."""
+        self._gives_back_since_s: float | None = None
+        self._arming_until_s = -math.inf
+        """An ARM that was asked for may take effect until then."""
         self._refusal_to_arm = ""
 
     def preflight(
@@ -75,17 +95,20 @@ class Sequence:
         room_above_m: float | None = None,
         covered: tuple[str, ...] = (),
     ) -> Move | None:
-        """Wait until nothing forbids arming, or refuse when the time is up.
+        """Wait until nothing forbids arming, or refuse when the time is up, or when told to stop.
 
         After a landing PX4 shows the mode that was flown before, Offboard, and does not arm in it.
         In Hold it does not arm either without a global position, which a room may not have; in
         Takeoff it does, so that is selected then.
         """
         status = tick.inputs.status
+        if tick.stopping:
+            return None if self._gives_back(tick) else stopped(MissionState.DONE)
         if status.mode is FlightMode.OFFBOARD and not status.armed:
             self._ask_once(tick, RequestKind.HOLD)
         if elapsed_s > _GLOBAL_POSITION_COMES_S and preflight.hold_keeps_down(status):
             self._select_takeoff(tick)
+        self._note_takeoff(status)
         found = preflight.findings(
             self._config,
             tick.inputs.facts,
@@ -101,7 +124,7 @@ class Sequence:
         if status.armed and status.landed not in (LandedState.ON_GROUND, LandedState.UNKNOWN):
             # Waiting cannot help: somebody flies it, or PX4 holds it for a service that was killed.
             patience_s = min(patience_s, _IN_THE_AIR_S)
-        if elapsed_s < patience_s or self._gives_back(tick, elapsed_s - patience_s):
+        if elapsed_s < patience_s or self._gives_back(tick):
             return None
         why = "; ".join(found)
         return Move(MissionState.DONE, why, Outcome(Ending.PREFLIGHT_REFUSED, why))
@@ -111,14 +134,26 @@ class Sequence:
         self._selected_takeoff = True
         self._ask_once(tick, RequestKind.TAKEOFF, self._config.mission.altitude_m)
 
-    def _gives_back(self, tick: Tick, elapsed_s: float) -> bool:
+    def _note_takeoff(self, status: VehicleStatus) -> None:
+        self._takeoff_shown |= self._selected_takeoff and status.mode is FlightMode.TAKEOFF
+
+    def _gives_back(self, tick: Tick) -> bool:
         """True while a disarmed vehicle is being brought from the selected Takeoff into Hold: the
         next person to arm it must not be surprised by a climb.
         """
-        if not self._selected_takeoff or tick.inputs.status.armed or elapsed_s > _GIVE_BACK_S:
+        status = tick.inputs.status
+        if not self._selected_takeoff or status.armed:
             return False
-        self._ask_once(tick, RequestKind.HOLD)
-        return tick.inputs.status.mode is FlightMode.TAKEOFF
+        self._note_takeoff(status)
+        if self._gives_back_since_s is None:
+            self._gives_back_since_s = tick.now_s
+            self._asked.discard(RequestKind.HOLD)
+        elif tick.accepted(RequestKind.HOLD):
+            self._takeoff_shown = True  # requests are answered in turn: the selection is over
+        if self._takeoff_shown and status.mode is not FlightMode.TAKEOFF:
+            return False
+        self.ask_hold(tick)
+        return tick.now_s - self._gives_back_since_s <= _GIVE_BACK_S
 
     def arm(self, tick: Tick, elapsed_s: float) -> Move | None:
         """Arm once; refused means the flight does not happen."""
@@ -128,16 +163,23 @@ class Sequence:
         reason = tick.refusal(RequestKind.ARM)
         if reason is None and elapsed_s > _ARM_TIMEOUT_S:
             reason = f"it did not report armed within {_ARM_TIMEOUT_S:g} s"
-        if reason is not None:
-            self._refused_to_arm_s = min(self._refused_to_arm_s, elapsed_s)
-            self._refusal_to_arm = self._refusal_to_arm or reason
+        self._refusal_to_arm = self._refusal_to_arm or reason or ""
+        self._note_arming(tick)
         if self._refusal_to_arm:
-            if self._gives_back(tick, elapsed_s - self._refused_to_arm_s):
+            if self._gives_back(tick):
                 return None
             why = f"the vehicle refused to arm: {self._refusal_to_arm}"
             return Move(MissionState.LAND, why, Outcome(Ending.PREFLIGHT_REFUSED, why))
+        if RequestKind.ARM not in self._asked:
+            answer_s = self._config.vehicle.request_timeout_s * _REQUESTS_BEFORE_ARM
+            self._arming_until_s = tick.now_s + answer_s + _ARMED_IS_TOLD_S
         self._ask_once(tick, RequestKind.ARM)
         return None
+
+    def _note_arming(self, tick: Tick) -> None:
+        """An ARM may take effect until it was answered, and is told a little later."""
+        if any(reply.kind is RequestKind.ARM for reply in tick.inputs.replies):
+            self._arming_until_s = tick.now_s + _ARMED_IS_TOLD_S
 
     def takeoff(self, tick: Tick, elapsed_s: float) -> Move | None:
         """Let PX4 climb to the altitude and reach Hold, or its end without a global position:
@@ -187,8 +229,10 @@ class Sequence:
                 "PX4's own failsafe has it now"
             )
             return Move(MissionState.DONE, why, Outcome(Ending.LINK_LOST, why))
+        self._note_arming(tick)
         on_ground = status.landed in (LandedState.ON_GROUND, LandedState.UNKNOWN)
-        if not status.armed and on_ground and elapsed_s >= _SETTLE_S:
+        settled = elapsed_s >= _SETTLE_S and tick.now_s >= self._arming_until_s
+        if not status.armed and on_ground and not self._gives_back(tick) and settled:
             return Move(MissionState.DONE, "landed and disarmed")
         if elapsed_s > self._config.mission.land_timeout_s:
             why = (
@@ -196,19 +240,27 @@ class Sequence:
                 f"{self._config.mission.land_timeout_s:g} s; take it over by hand"
             )
             return Move(MissionState.DONE, why, Outcome(Ending.FAILSAFE, why))
-        if status.landed is not LandedState.ON_GROUND:
+        if status.armed:
+            self._ask_to_land(tick)
+        return None
+
+    def _ask_to_land(self, tick: Tick) -> None:
+        """LAND until it lands; on the ground a plain disarm where PX4 did not disarm by itself."""
+        status = tick.inputs.status
+        down = status.landed is LandedState.ON_GROUND and not _off_the_ground(tick)
+        if not down:
             self._on_ground_since_s = math.inf
         elif self._on_ground_since_s == math.inf:
             self._on_ground_since_s = tick.now_s
-        if status.armed and tick.now_s - self._asked_to_land_s >= _REPEAT_LAND_S:
-            if tick.now_s - self._on_ground_since_s >= _DISARMS_ITSELF_S:
-                # A plain disarm: PX4 refuses it should it know better.
-                tick.ask(RequestKind.DISARM)
-                self._asked_to_land_s = tick.now_s
-            elif status.landed is not LandedState.ON_GROUND and status.mode is not FlightMode.LAND:
-                tick.ask(RequestKind.LAND)
-                self._asked_to_land_s = tick.now_s
-        return None
+        if tick.now_s - self._asked_to_land_s < _REPEAT_LAND_S:
+            return
+        if tick.now_s - self._on_ground_since_s >= _DISARMS_ITSELF_S:
+            # PX4 refuses it should it know better.
+            tick.ask(RequestKind.DISARM)
+            self._asked_to_land_s = tick.now_s
+        elif not down and status.mode is not FlightMode.LAND:
+            tick.ask(RequestKind.LAND)
+            self._asked_to_land_s = tick.now_s
 
     def in_the_air(self) -> None:
         """The flight goes on in PX4's Hold: the take-off is over."""

@@ -46,6 +46,8 @@ _TEXTS_KEPT = 128
 _VALID_FOR_S = 0.3  # LOCAL_POSITION_NED comes at 30 Hz while the estimate is valid
 _ODOMETRY_GONE_S = 0.5
 _GLOBAL_FRESH_S = 1.0  # GLOBAL_POSITION_INT comes at 50 Hz, or at what another client asked for
+_LANDED_FRESH_S = 2.5
+"""EXTENDED_SYS_STATE comes at 5 Hz, or at 1 Hz where that was not granted, and one may be lost."""
 _WARNINGS_COUNT_S = 15.0
 
 T = TypeVar("T", bound=msgspec.Struct)
@@ -72,7 +74,7 @@ class Telemetry:
         self._sent_s: dict[str, float] = {}
         """Time of sending of the newest message of each kind, by the autopilot's clock."""
         self._heard_s = clock.now_s()
-        self._valid_s = self._odometry_s = self._global_s = -math.inf
+        self._valid_s = self._odometry_s = self._global_s = self._landed_s = -math.inf
         self._position: Latest[LocalPosition] = Latest()
         self._attitude: Latest[Attitude] = Latest()
         self._heartbeat: Latest[Heartbeat] = Latest()
@@ -124,7 +126,7 @@ class Telemetry:
 
     def status(self) -> VehicleStatus:
         """The newest status; before the first heartbeat a disarmed vehicle that is not armable."""
-        heartbeat, health, landed = self._heartbeat.get(), self._health.get(), self._landed.get()
+        heartbeat, health = self._heartbeat.get(), self._health.get()
         heard_s, now_s = self._heard_s, self._clock.now_s()
         if heartbeat is None:
             return VehicleStatus(
@@ -143,7 +145,7 @@ class Telemetry:
             stamp_s=heard_s,
             armed=heartbeat.armed,
             mode=self._mode.get() or heartbeat.mode,
-            landed=landed if landed is not None else LandedState.UNKNOWN,
+            landed=self._landed_at(now_s),
             link_age_s=max(0.0, now_s - heard_s),
             armable=armable,
             not_armable_because="" if armable else self._why_not_armable(now_s),
@@ -151,6 +153,12 @@ class Telemetry:
             in_failsafe=heartbeat.armed and heartbeat.system_status == CRITICAL,
             global_position=now_s - self._global_s <= _GLOBAL_FRESH_S,
         )
+
+    def _landed_at(self, now_s: float) -> LandedState:
+        """What it told lately: a vehicle that was on the ground may have been flown away since."""
+        landed = self._landed.get()
+        fresh = now_s - self._landed_s <= _LANDED_FRESH_S
+        return landed if landed is not None and fresh else LandedState.UNKNOWN
 
     def why(self, asked_s: float, *, warnings_before: bool) -> str:
         """What it said about something that was asked at `asked_s`, or just before."""
@@ -217,7 +225,8 @@ class Telemetry:
     def _take_global_position(self, _message: GlobalPositionInt, now_s: float) -> None:
         self._global_s = now_s
 
-    def _take_landed(self, message: ExtendedSysState, _now_s: float) -> None:
+    def _take_landed(self, message: ExtendedSysState, now_s: float) -> None:
+        self._landed_s = now_s
         self._landed.put(message.landed)
 
     def _take_health(self, message: SysStatus, _now_s: float) -> None:

@@ -178,7 +178,122 @@ def test_giving_back_does_not_wait_for_ever() -> None:
     sequence.preflight(tick(LOCAL_ONLY, 2.0), 2.0, ())
     refused = tick(TAKEOFF_SELECTED, 2.1, Reply(2.1, RequestKind.ARM, False, "no compass"))
     assert sequence.arm(refused, 0.1) is None
-    assert sequence.arm(tick(TAKEOFF_SELECTED, 4.3), 2.3) is not None
+    assert sequence.arm(tick(TAKEOFF_SELECTED, 7.0), 5.0) is None
+    assert sequence.arm(tick(TAKEOFF_SELECTED, 7.3), 5.3) is not None
+
+
+def test_hold_is_asked_for_again_where_the_last_landing_was_given_back_already() -> None:
+    sequence = Sequence(Config())
+    left = changed(LOCAL_ONLY, mode=FlightMode.OFFBOARD)
+    sequence.preflight(tick(left, 0.1), 0.1, ())
+    sequence.preflight(tick(LOCAL_ONLY, 2.0), 2.0, ())
+    refused = tick(TAKEOFF_SELECTED, 2.1, Reply(2.1, RequestKind.ARM, False, "no compass"))
+    assert sequence.arm(refused, 0.1) is None
+    assert asked(refused) == [RequestKind.HOLD]
+
+
+def stopping(status: VehicleStatus, now_s: float, *replies: Reply) -> Tick:
+    step = tick(status, now_s, *replies)
+    step.stopping = True
+    return step
+
+
+def test_a_stop_before_arming_ends_at_once_where_nothing_was_selected() -> None:
+    move = Sequence(Config()).preflight(stopping(GROUND, 0.5), 0.5, ())
+    assert move is not None
+    assert move.state is MissionState.DONE
+    assert move.outcome is not None
+    assert move.outcome.ending is Ending.ABORTED
+
+
+def test_a_stop_before_arming_gives_the_vehicle_back_first() -> None:
+    sequence = Sequence(Config())
+    sequence.preflight(tick(LOCAL_ONLY, 2.0), 2.0, ())
+    first = stopping(TAKEOFF_SELECTED, 2.1)
+    assert sequence.preflight(first, 2.1, ()) is None
+    assert asked(first) == [RequestKind.HOLD]
+    assert sequence.preflight(stopping(TAKEOFF_SELECTED, 2.2), 2.2, ()) is None
+    move = sequence.preflight(stopping(LOCAL_ONLY, 2.3), 2.3, ())
+    assert move is not None
+    assert move.state is MissionState.DONE
+
+
+def test_a_selection_that_is_still_on_its_way_is_waited_for() -> None:
+    sequence = Sequence(Config())
+    sequence.preflight(tick(LOCAL_ONLY, 2.0), 2.0, ())
+    assert sequence.preflight(stopping(LOCAL_ONLY, 2.05), 2.05, ()) is None
+    assert sequence.preflight(stopping(LOCAL_ONLY, 2.5), 2.5, ()) is None
+    held = stopping(LOCAL_ONLY, 2.6, Reply(2.6, RequestKind.HOLD, True))
+    assert sequence.preflight(held, 2.6, ()) is not None
+
+
+def test_a_stop_while_arming_gives_the_vehicle_back_in_hold() -> None:
+    sequence = Sequence(Config())
+    sequence.preflight(tick(LOCAL_ONLY, 2.0), 2.0, ())
+    sequence.arm(tick(TAKEOFF_SELECTED, 2.1), 0.0)
+    first = tick(TAKEOFF_SELECTED, 2.2, Reply(2.2, RequestKind.ARM, False, "no compass"))
+    assert sequence.land(first, 0.0) is None
+    assert asked(first) == [RequestKind.HOLD]
+    assert sequence.land(tick(TAKEOFF_SELECTED, 6.0), 3.8) is None
+    assert sequence.land(tick(LOCAL_ONLY, 6.1), 3.9) is not None
+
+
+def test_the_mode_of_a_vehicle_that_flew_and_landed_stays() -> None:
+    sequence = Sequence(Config())
+    sequence.preflight(tick(LOCAL_ONLY, 2.0), 2.0, ())
+    sequence.preflight(tick(TAKEOFF_SELECTED, 2.1), 2.1, ())
+    sequence.arm(tick(changed(TAKEOFF_SELECTED, armed=True), 2.3), 0.1)
+    down = tick(changed(LOCAL_ONLY, mode=FlightMode.LAND), 60.0)
+    assert sequence.land(down, 10.0) is not None
+    assert asked(down) == []
+
+
+def test_a_stop_while_arming_waits_for_what_arming_may_still_do() -> None:
+    sequence = Sequence(Config())
+    sequence.arm(tick(GROUND, 10.0), 0.0)
+    assert sequence.land(tick(GROUND, 13.0), 2.9) is None
+    late = tick(GROUND, 13.1, Reply(13.1, RequestKind.ARM, True))
+    assert sequence.land(late, 3.0) is None
+    assert sequence.land(tick(GROUND, 14.5), 4.4) is None, "a heartbeat a second tells it"
+    climbs = changed(GROUND, armed=True, landed=LandedState.TAKEOFF, mode=FlightMode.TAKEOFF)
+    armed = tick(climbs, 14.55)
+    assert sequence.land(armed, 4.45) is None
+    assert asked(armed) == [RequestKind.LAND]
+
+
+def test_an_arming_that_had_no_effect_in_time_ends_the_mission() -> None:
+    sequence = Sequence(Config())
+    sequence.arm(tick(GROUND, 10.0), 0.0)
+    sequence.land(tick(GROUND, 10.5, Reply(10.5, RequestKind.ARM, False, "no")), 0.4)
+    assert sequence.land(tick(GROUND, 11.9), 1.8) is None
+    assert sequence.land(tick(GROUND, 12.0), 1.9) is not None
+
+
+def test_an_arming_that_nobody_answered_is_not_waited_for_for_ever() -> None:
+    sequence = Sequence(Config())
+    sequence.arm(tick(GROUND, 10.0), 0.0)
+    assert sequence.land(tick(GROUND, 17.4), 7.0) is None
+    assert sequence.land(tick(GROUND, 17.6), 7.1) is not None
+
+
+def test_above_the_take_off_height_it_is_landed_whatever_it_says_of_the_ground() -> None:
+    sequence, kinds = Sequence(Config()), list[RequestKind]()
+    stale = changed(GROUND, armed=True, mode=FlightMode.TAKEOFF)
+    for k in range(400):
+        step = tick(stale, 0.05 * k)
+        step.fused = msgspec.structs.replace(FUSED, position_ned_m=(0.0, 0.0, -0.31))
+        sequence.land(step, 0.05 * k)
+        kinds += asked(step)
+    assert set(kinds) == {RequestKind.LAND}
+    assert len(kinds) == 10
+
+
+def test_a_vehicle_that_does_not_tell_of_the_ground_is_landed() -> None:
+    sequence = Sequence(Config())
+    unknown = changed(GROUND, armed=True, landed=LandedState.UNKNOWN, mode=FlightMode.TAKEOFF)
+    step = tick(unknown, 0.1)
+    assert sequence.land(step, 0.1) is None
+    assert asked(step) == [RequestKind.LAND]
 
 
 @pytest.mark.parametrize(

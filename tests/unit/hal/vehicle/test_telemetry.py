@@ -8,7 +8,7 @@ import pytest
 from hal.clock import SimClock
 from hal.drops import Drops
 from hal.interfaces import WireMessage
-from hal.readings import FlightMode
+from hal.readings import FlightMode, LandedState
 from hal.vehicle.telemetry import Telemetry
 
 ODOMETRY: dict[str, Any] = {
@@ -152,3 +152,16 @@ def test_a_flood_of_texts_costs_bounded_memory() -> None:
         ear.say("STATUSTEXT", {"severity": n % 300 - 20, "text": "x" * 50, "id": n, "chunk_seq": n})
         ear.say("STATUSTEXT", {"severity": 3, "text": f"{n}"})
     assert len(ear.telemetry.take_texts()) == 128
+
+
+def test_a_vehicle_is_on_the_ground_only_while_it_says_so() -> None:
+    ear = Ear()
+    ear.say("HEARTBEAT", HEARTBEAT)
+    ear.say("EXTENDED_SYS_STATE", {"landed_state": 1})
+    ear.clock.advance(2.4)
+    assert ear.telemetry.status().landed is LandedState.ON_GROUND
+    ear.clock.advance(0.2)
+    ear.say("HEARTBEAT", HEARTBEAT)
+    assert ear.telemetry.status().landed is LandedState.UNKNOWN
+    ear.say("EXTENDED_SYS_STATE", {"landed_state": 2})
+    assert ear.telemetry.status().landed is LandedState.IN_AIR
