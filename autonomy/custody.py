@@ -48,6 +48,11 @@ class Custody:
         """Somebody else has the vehicle."""
         self._wanted = self._before = frozenset()
 
+    @property
+    def climbs_when_armed(self) -> bool:
+        """This program asked for Takeoff last: a disarmed vehicle may stand there in it."""
+        return FlightMode.TAKEOFF in self._wanted
+
     def holds(self, mode: FlightMode) -> bool:
         """True while `mode`, which the vehicle says it is in, is this program's doing."""
         self.see(mode)

@@ -7,8 +7,9 @@ taken the vehicle: it is left alone then.
 """
 
 import asyncio
+import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from typing import Protocol
 
 from autonomy.config import Config
@@ -26,6 +27,8 @@ from hal.vehicle.deadman import Deadman
 
 _CLOSING_S = 30.0
 """What bringing a vehicle down takes beside the landing itself: requests, and their answers."""
+_ARMED_IS_TOLD_S = 1.5
+"""A heartbeat a second tells "armed"."""
 
 
 class Recorder(Protocol):
@@ -89,6 +92,8 @@ class Flight:
         """The link repeats a setpoint of this flight."""
         self._told_too_late = False
         self._ended_s: float | None = None
+        self._arming_until_s = -math.inf
+        """An ARM that was asked for may take effect until then."""
         self.tally = Tally()
         self.custody = Custody()
         """Which modes of the vehicle are this flight's doing, during it and after."""
@@ -130,9 +135,11 @@ class Flight:
         finally:
             # The link repeats the last setpoint, which may move, until PX4 has left Offboard.
             self._stop_streaming()
-            if not safe:
-                await asyncio.shield(self._bring_down())
-            self._deadman.release()
+            try:
+                if not safe:
+                    await _to_the_end(self._bring_down())
+            finally:
+                self._deadman.release()
 
     async def _leave_offboard(self) -> None:
         """Out of Offboard, if the vehicle was disarmed in it.
@@ -147,7 +154,9 @@ class Flight:
         """The deadman, which nobody feeds, stays armed until PX4 has the vehicle."""
         if self._deadman.handovers > self._handovers:
             self.custody.asked(RequestKind.HOLD)
-        await bring_down(self._vehicle, self._config, self.custody, self._deadman.release)
+            self.custody.asked(RequestKind.LAND)
+        arming_s = self._arming_until_s - self._clock.now_s()
+        await bring_down(self._vehicle, self._config, self.custody, self._deadman.release, arming_s)
 
     def _stop_streaming(self) -> None:
         """What the link goes on to repeat stays where the vehicle is."""
@@ -193,6 +202,9 @@ class Flight:
         for request in decision.requests:
             self.custody.asked(request.kind)
             self._requests.put_nowait(request)
+            if request.kind is RequestKind.ARM:
+                answer_s = self._config.vehicle.request_timeout_s
+                self._arming_until_s = self._clock.now_s() + answer_s + _ARMED_IS_TOLD_S
         self.tally.note(command, inputs, step_s)
         for text in self._vehicle.take_texts():
             self._tell(text)
@@ -250,6 +262,22 @@ class Flight:
         while True:
             request = await self._requests.get()
             self._replies.append(await self._vehicle.execute(request))
+            if request.kind is RequestKind.ARM:
+                self._arming_until_s = self._clock.now_s() + _ARMED_IS_TOLD_S
+
+
+async def _to_the_end(doing: Coroutine[None, None, None]) -> None:
+    """Await it whatever is cancelled meanwhile; a cancellation is passed on when it is done."""
+    # No group: it would end its task with the cancellation that this is to outlast.
+    task = asyncio.get_running_loop().create_task(doing)
+    cancelled: asyncio.CancelledError | None = None
+    while not task.done():
+        try:
+            await asyncio.shield(task)
+        except asyncio.CancelledError as error:
+            cancelled = error
+    if cancelled is not None:
+        raise cancelled
 
 
 async def bring_down(
@@ -257,19 +285,26 @@ async def bring_down(
     config: Config,
     custody: Custody,
     held: Callable[[], None] = lambda: None,
+    arming_s: float = 0.0,
 ) -> None:
     """Hold, land: for when the core is gone. Never disarms in the air; never raises.
+
+    One that stands disarmed in the Takeoff that this program selected is put into Hold, and an
+    arming that may take effect within `arming_s` is waited for.
 
     Ends without another word once the mode is not this program's doing: a pilot, or PX4's own
     failsafe, has the vehicle. `held()` is called when PX4 has accepted Hold
     or Land.
     """
-    if not _ours_in_the_air(vehicle.status(), custody):
+    await _stay_on_ground(vehicle, custody, arming_s)
+    status = vehicle.status()
+    if not _ours_in_the_air(status, custody):
         return
-    custody.asked(RequestKind.HOLD)
-    if (await vehicle.execute(Request(RequestKind.HOLD))).accepted:
-        held()
-    await asyncio.sleep(1.0)
+    if status.mode is not FlightMode.LAND:
+        custody.asked(RequestKind.HOLD)
+        if (await vehicle.execute(Request(RequestKind.HOLD))).accepted:
+            held()
+        await asyncio.sleep(1.0)
     ends_s = time.monotonic() + config.mission.land_timeout_s
     while time.monotonic() < ends_s:
         status = vehicle.status()
@@ -284,7 +319,21 @@ async def bring_down(
         await asyncio.sleep(2.0)
 
 
+async def _stay_on_ground(vehicle: Vehicle, custody: Custody, arming_s: float) -> None:
+    """A disarmed vehicle is not to climb when it is armed; it is watched while it may be yet."""
+    if vehicle.status().armed:
+        return
+    if custody.climbs_when_armed:
+        custody.asked(RequestKind.HOLD)
+        await vehicle.execute(Request(RequestKind.HOLD))
+    for _ in range(math.ceil(max(0.0, arming_s))):
+        if vehicle.status().armed:
+            return
+        await asyncio.sleep(1.0)
+
+
 def _ours_in_the_air(status: VehicleStatus, custody: Custody) -> bool:
     """True for a vehicle that is not down yet and that nobody else has taken."""
-    down = status.landed is LandedState.ON_GROUND and not status.armed
+    # Disarmed, and it does not tell where: nothing that is asked for brings it down.
+    down = status.landed in (LandedState.ON_GROUND, LandedState.UNKNOWN) and not status.armed
     return not down and custody.holds(status.mode)

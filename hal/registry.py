@@ -38,7 +38,8 @@ class LinkedVehicle(Vehicle, MessageSource, MessageSink, ParameterStore, Protoco
     """A vehicle behind a link that drivers can listen to and the deadman can stop."""
 
     def hold_now(self) -> bool:
-        """Ask for Hold if the vehicle is in Offboard, as last heard; True when it was asked.
+        """Ask for Hold, or for Land where it cannot hold, if the vehicle is in Offboard, as last
+        heard; True when it was asked.
 
         From any thread; returns at once, without the answer, and needs no event loop.
         """

@@ -148,6 +148,8 @@ class MavsdkVehicle:
         self._telemetry = self._new_telemetry()
         self._stop_place: LocalPosition | None = None
         """Where the present stop began. Touched by whoever puts a setpoint on the wire."""
+        self._hold_refused = False
+        """The deadman's Hold was refused: it asks for Land then."""
         self.unsent = 0
         """Setpoints and messages that met a closed link or that the library refused."""
 
@@ -248,21 +250,34 @@ class MavsdkVehicle:
             mavsdk.destroy()
         del link  # owns the callbacks, so it must live as long as what calls them
 
-    def _awaited(self, answer: Callable[..., None]) -> Callable[..., None]:
-        """`answer` as a callback of the library that closing the link waits for."""
+    def _ask(
+        self, call: Callable[[Callable[..., None]], object], answer: Callable[..., None]
+    ) -> str | None:
+        """Make one call of the library, whose answer closing the link waits for; the door is held.
+
+        None, or why there will be no answer: the library did not take the call.
+        """
         request = object()
         with self._answers:
             self._unanswered.add(request)
+
+        def done() -> None:
+            with self._answers:
+                self._unanswered.discard(request)
+                self._answers.notify_all()
 
         def answered(*values: object) -> None:
             try:
                 answer(*values)
             finally:
-                with self._answers:
-                    self._unanswered.discard(request)
-                    self._answers.notify_all()
+                done()
 
-        return answered
+        try:
+            call(answered)
+        except MavsdkError as error:
+            done()
+            return f"the link did not take it ({error})"
+        return None
 
     def _new_telemetry(self) -> Telemetry:
         return Telemetry(self._clock, self._system_id, self._drops, self._ask_for_rates)
@@ -445,7 +460,9 @@ class MavsdkVehicle:
         with self._door:
             if self._link is None:
                 return "the link is not open"
-            choose(self._link)(self._awaited(answered))
+            problem = self._ask(choose(self._link), answered)
+        if problem is not None:
+            return problem
         result = await future
         return _problem(result)
 
@@ -472,8 +489,8 @@ class MavsdkVehicle:
         with self._door:
             if self._link is None:
                 return False
-            self._link.direct.send_command_async(message, self._awaited(answered))
-        return True
+            send = functools.partial(self._link.direct.send_command_async, message)
+            return self._ask(send, answered) is None
 
     async def read_parameters(
         self, kinds: Mapping[str, type[int] | type[float]]
@@ -557,16 +574,30 @@ class MavsdkVehicle:
     def hold_now(self) -> bool:
         """Ask for Hold without waiting for the answer, unless the vehicle is not in Offboard.
 
-        For the deadman: any thread. True when Hold was asked for; whether it was granted, the
-        heartbeat says. Another mode is a pilot's or PX4's choice and stays.
+        PX4 does not hold without a global position: where it tells none, or refused Hold, it is
+        asked for Land, which needs the local position alone.
+        For the deadman: any thread. True when it was asked; whether it was granted, the heartbeat
+        says. Another mode is a pilot's or PX4's choice and stays.
         """
         if self._telemetry.mode is not FlightMode.OFFBOARD:
             return False
+        lands = self._hold_refused or not self._telemetry.status().global_position
         with self._door:
             if self._link is None:
                 return False
-            self._link.action.hold_async(self._awaited(_note_hold))
-        return True
+            action = self._link.action
+            call = action.land_async if lands else action.hold_async
+            problem = self._ask(call, self._note_given)
+        if problem is not None:
+            _LOG.warning("neither Hold nor Land was asked for: %s", problem)
+        return problem is None
+
+    def _note_given(self, result: ActionResult, _: object) -> None:
+        """The answer to a Hold or Land that nobody waits for."""
+        problem = _problem(result)
+        if problem is not None:
+            self._hold_refused = result is not ActionResult.TIMEOUT
+            _LOG.warning("the silent loop's vehicle was not given to PX4: %s", problem)
 
     def _here(self) -> tuple[LocalPosition, Setpoint] | None:
         """A fresh position, and a setpoint that stays there; None without one."""
@@ -578,7 +609,7 @@ class MavsdkVehicle:
 
     def _put_newest(self, setpoint: Setpoint) -> None:
         """Somebody flies: where it once was to stop counts no more."""
-        self._stop_place = None
+        self._stop_place, self._hold_refused = None, False
         self._put_on_wire(setpoint)
 
     def _put_on_wire(self, setpoint: Setpoint) -> None:
@@ -721,13 +752,6 @@ def _read_parameter(link: _Link, name: str, kind: type[int] | type[float]) -> No
             link.parameters[name] = value
     except ParamError as error:
         _LOG.info("parameter %s was not read: %s", name, error.result.name)
-
-
-def _note_hold(result: ActionResult, _: object) -> None:
-    """The answer to a Hold that nobody waits for."""
-    problem = _problem(result)
-    if problem is not None:
-        _LOG.warning("hold was not done: %s", problem)
 
 
 _PROBLEMS = {

@@ -61,7 +61,8 @@ class DrivenVehicle(SimVehicle):
         """The deadman's second step."""
         if self.status().mode is not FlightMode.OFFBOARD:
             return False
-        self.execute_now(Request(RequestKind.HOLD))
+        if not self.execute_now(Request(RequestKind.HOLD)).accepted:
+            self.execute_now(Request(RequestKind.LAND))
         return True
 
     async def execute(self, request: Request) -> Reply:

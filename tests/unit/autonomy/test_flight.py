@@ -8,12 +8,13 @@ from contextlib import contextmanager
 import pytest
 
 from autonomy.config import Config
+from autonomy.custody import Custody
 from autonomy.errors import Stalled
-from autonomy.flight import Flight
+from autonomy.flight import Flight, bring_down
 from autonomy.mission.guarded import Command
 from autonomy.model import Ending, Inputs
 from autonomy.simulation import goal_of, with_scenario
-from hal.readings import FlightMode, LandedState, StatusText
+from hal.readings import FlightMode, LandedState, StatusText, VehicleStatus
 from hal.setpoints import Reply, Request, RequestKind, Setpoint
 from hal.sim.mission import LOITER_UNLIMITED, MissionItem
 from hal.sim.px4 import Mode, Result
@@ -245,7 +246,9 @@ def test_a_pilot_who_switches_during_a_stall_keeps_the_vehicle(
         assert group.subgroup(Stalled) is not None  # noqa: PT017 - either end is right
     assert switched
     assert stage.asked == []
-    assert stage.vehicle.status().mode is mode.flight_mode
+    # A landing may be the deadman's: it is watched to its end, and nothing is asked for.
+    watched = mode is Mode.LAND and landed(stage)
+    assert watched or stage.vehicle.status().mode is mode.flight_mode
 
 
 def test_a_pilot_who_takes_hold_during_a_stall_keeps_it(stage: Stage) -> None:
@@ -317,3 +320,69 @@ def test_a_decision_that_took_too_long_is_neither_sent_nor_fed(stage: Stage) -> 
     assert before[0] == before[1] == before[2]
     assert late[1] == late[0] + 1
     assert len([line for line in stage.notes.lines if "overloaded" in line]) == 1
+
+
+def test_a_second_cancellation_changes_nothing_about_bringing_it_down(stage: Stage) -> None:
+    released: list[bool] = []
+    execute_now = stage.vehicle.execute_now
+
+    async def fly() -> None:
+        flying = asyncio.current_task()
+        assert flying is not None
+
+        def again(request: Request) -> Reply:
+            if request.kind in (RequestKind.HOLD, RequestKind.LAND):
+                flying.cancel()
+            return execute_now(request)
+
+        stage.vehicle.execute_now = again  # type: ignore[method-assign]  # an impatient person
+        stage.when_cruising(flying.cancel)
+        try:
+            await stage.flight.run()
+        finally:
+            assert landed(stage)
+            released.append(stage.deadman.step(Watch.RELEASED) is Watch.RELEASED)
+
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(fly())
+    assert released == [True]
+
+
+class OnGround:
+    """A disarmed vehicle without GNSS in the selected Takeoff; ARM takes effect after a while."""
+
+    def __init__(self, arms_after: int) -> None:
+        self.mode = FlightMode.TAKEOFF
+        self.armed = self.flying = False
+        self.looks = 0
+        self.asked: list[RequestKind] = []
+        self._arms_after = arms_after
+
+    def status(self) -> VehicleStatus:
+        self.looks += 1
+        if self.looks == self._arms_after:
+            self.armed, self.flying = True, self.mode is FlightMode.TAKEOFF
+        landed_state = LandedState.TAKEOFF if self.flying else LandedState.ON_GROUND
+        return VehicleStatus(0.0, self.armed, self.mode, landed_state, 0.0)
+
+    async def execute(self, request: Request) -> Reply:
+        self.asked.append(request.kind)
+        if request.kind is RequestKind.HOLD:
+            self.mode = FlightMode.HOLD
+        if request.kind is RequestKind.LAND:
+            self.mode, self.armed = FlightMode.LAND, False
+        return Reply(0.0, request.kind, True)
+
+
+@pytest.mark.parametrize("arms_after", [0, 4])
+def test_a_vehicle_that_was_to_take_off_is_left_in_hold_and_an_arming_under_way_is_waited_for(
+    stage: Stage, arms_after: int
+) -> None:
+    vehicle, custody = OnGround(arms_after), Custody()
+    custody.asked(RequestKind.TAKEOFF)
+    asyncio.run(bring_down(vehicle, stage.config, custody, arming_s=4.0))  # type: ignore[arg-type]  # what it needs of one
+    assert vehicle.asked[0] is RequestKind.HOLD
+    assert not vehicle.flying
+    assert not vehicle.armed
+    assert vehicle.mode is (FlightMode.LAND if arms_after else FlightMode.HOLD)
+    assert vehicle.looks >= (4 if arms_after else 5)
