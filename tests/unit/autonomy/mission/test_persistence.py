@@ -1,5 +1,6 @@
 """Faults over time: confirmation, hysteresis, flapping."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -73,6 +74,31 @@ def test_each_fault_is_counted_for_itself() -> None:
     for fault in (Fault.STATE_LOST, Fault.DRIFT, Fault.STATE_LOST, Fault.DRIFT):
         assert fed.feed(fault)[0].response is Response.HOLD
         fed.feed(seconds=1.0)
+
+
+def test_what_flickers_too_fast_to_be_over_escalates_after_half_of_the_window() -> None:
+    fed, held_s = Fed(), 0.0
+    while (found_now := fed.feed(Fault.STATE_LOST, seconds=2.0 * DT_S))[0].response < Response.LAND:
+        assert fed.feed(), "one good tick does not end it"
+        held_s += 3.0 * DT_S
+        assert held_s < 6.0
+    assert held_s == pytest.approx(5.0, abs=0.3)
+    assert found_now[0].why == "state_lost it is, on and off for 5 of 10 s"
+
+
+def test_few_long_holds_escalate_by_the_time_that_they_take() -> None:
+    fed = Fed()
+    for _ in range(2):
+        assert fed.feed(Fault.DRIFT, seconds=2.4)[0].response is Response.HOLD
+        assert not fed.feed(seconds=1.0)
+    assert fed.feed(Fault.DRIFT, seconds=1.0)[0].response is Response.LAND
+
+
+def test_long_holds_with_more_than_as_much_flight_between_go_on_as_before() -> None:
+    fed = Fed()
+    for _ in range(10):
+        assert fed.feed(Fault.DRIFT, seconds=2.0)[0].response is Response.HOLD
+        fed.feed(seconds=4.0)
 
 
 @settings(deadline=None, max_examples=60)
