@@ -35,9 +35,10 @@ class Custody:
         self._before |= self._wanted
         self._wanted = modes
 
-    def adopt(self, kind: RequestKind) -> None:
-        """This program's last life, or PX4's failsafe at the end of it, asked for `kind`."""
-        self._wanted = _MODES[kind]
+    def adopt(self, *kinds: RequestKind) -> None:
+        """This program's last life, or PX4's failsafe, asked for one of `kinds`."""
+        self._wanted = frozenset().union(*(_MODES[kind] for kind in kinds))
+        self._before = frozenset()
 
     def see(self, mode: FlightMode) -> None:
         """The vehicle says that it is in `mode`."""

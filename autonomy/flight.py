@@ -25,6 +25,11 @@ from hal.readings import FlightMode, LandedState, StatusText, VehicleFacts, Vehi
 from hal.setpoints import Reply, Request, RequestKind, Setpoint
 from hal.vehicle.deadman import Deadman
 
+_FAILSAFE_DOES = {FlightMode.HOLD: RequestKind.HOLD, FlightMode.LAND: RequestKind.LAND}
+"""What PX4 does by itself with a vehicle in the air that lost its setpoints, as it is asked for."""
+_KEEP_ASKING = 4
+_LOOKS, _LOOK_S = 13, 0.1
+"""Together longer than from one heartbeat to the next."""
 _CLOSING_S = 30.0
 """What bringing a vehicle down takes beside the landing itself: requests, and their answers."""
 _ARMED_IS_TOLD_S = 1.5
@@ -97,6 +102,8 @@ class Flight:
         self.tally = Tally()
         self.custody = Custody()
         """Which modes of the vehicle are this flight's doing, during it and after."""
+        self.lost = False
+        """Link or setpoints were lost: PX4's failsafe, and nobody else, may have the vehicle."""
         if resumed is not None:
             self.custody.adopt(RequestKind.HOLD)
 
@@ -128,8 +135,7 @@ class Flight:
                     self._ended_s = self._clock.now_s()
                 server.cancel()
             if outcome.ending is Ending.TAKEN_OVER:
-                self.custody.let_go()
-                await self._leave_offboard()
+                await self._let_go()
             safe = True
             return outcome
         finally:
@@ -140,6 +146,53 @@ class Flight:
                     await _to_the_end(self._bring_down())
             finally:
                 self._deadman.release()
+                silent_s = self._vehicle.status().link_age_s
+                self.lost = self.lost or silent_s > self._config.vehicle.link_timeout_s
+
+    async def _let_go(self) -> None:
+        """A pilot keeps what he took; what PX4's failsafe does it is to go on doing."""
+        mode = await self._by_failsafe()
+        if mode is None:
+            self.custody.let_go()
+            await self._leave_offboard()
+            return
+        self.lost, kind = True, _FAILSAFE_DOES[mode]
+        self.custody.adopt(kind, RequestKind.OFFBOARD)
+        await self._keep(mode, kind)
+
+    async def _by_failsafe(self) -> FlightMode | None:
+        """The mode into which PX4's failsafe brought the vehicle; None for anybody else's.
+
+        A mode may be told before the failsafe's flag, which the next heartbeat brings. Offboard
+        again means that setpoints came through again: no person took the vehicle.
+        """
+        mode = self._vehicle.status().mode
+        if mode not in _FAILSAFE_DOES:
+            return None
+        for _ in range(_LOOKS):
+            status = self._vehicle.status()
+            back = status.mode is FlightMode.OFFBOARD
+            if not status.armed or not (back or status.mode is mode):
+                return None
+            if back or status.in_failsafe:
+                return mode
+            await asyncio.sleep(_LOOK_S)
+        return None
+
+    async def _keep(self, mode: FlightMode, kind: RequestKind) -> None:
+        """Ask for what PX4's failsafe does.
+
+        Offboard stays chosen else: when the link's repeated setpoint comes through again, PX4 would
+        go back to it, and hover there with nobody in command.
+        """
+        for _ in range(_KEEP_ASKING):
+            status = self._vehicle.status()
+            if not status.armed or status.mode not in (mode, FlightMode.OFFBOARD):
+                return
+            if (await self._vehicle.execute(Request(kind))).accepted:
+                self.custody.asked(kind)
+                return
+            await asyncio.sleep(1.0)
 
     async def _leave_offboard(self) -> None:
         """Out of Offboard, if the vehicle was disarmed in it.

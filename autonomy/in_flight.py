@@ -1,6 +1,7 @@
 """A service that begins anew and finds its vehicle in the air: whose it is, and what may be done.
 
-Its last log tells what was flown: a log without an outcome is a flight that was cut off. The
+Its last log tells what was flown: a log without an outcome is a flight that was cut off, and one
+whose mission was over may have left the vehicle in Hold. The
 vehicle is believed to be that flight's only where everything agrees: this computer was not started
 anew since, the log's last tick is young, it is the same autopilot on the same connection, not
 restarted either. The mission may go on only once, by the same limits, and only in the same frame:
@@ -26,7 +27,7 @@ from autonomy.flightlog.schema import Tick
 from autonomy.logbook import recorded_config
 from autonomy.mission.guarded import GuardedPilot
 from autonomy.mission.machine import NAVIGATING_STATES, OFFBOARD_STATES
-from autonomy.model import MissionState, Resumed
+from autonomy.model import Ending, MissionState, Outcome, Resumed
 from autonomy.virtual_world import with_virtual_world
 from hal.config import Fence
 from hal.errors import HalError
@@ -35,6 +36,8 @@ from hal.readings import FlightMode, LandedState, LocalPosition, VehicleFacts, V
 
 YOUNG_S = 120.0
 """A log that ended longer ago says nothing about a vehicle in the air."""
+HOVERS_S = 1800.0
+"""Longer than a battery lasts: a vehicle left in the air when its mission was over is another's."""
 MOVED_M = 1.0
 """A vehicle that PX4 holds since the program died is not farther from where it was."""
 _CLOCK_LATE_S = 1.0
@@ -49,6 +52,7 @@ OBEYED_IN = frozenset({FlightMode.HOLD, FlightMode.OFFBOARD, FlightMode.TAKEOFF,
 """Modes in which a vehicle that is provably this service's obeys an operator's order, whoever chose
 the mode. In the others somebody else has it: a pilot's sticks, a mission, PX4's own way home."""
 _LOG = logging.getLogger("autonomy")
+_UP = OFFBOARD_STATES | {MissionState.TAKEOFF}
 _FLOWN = OFFBOARD_STATES | {MissionState.TAKEOFF, MissionState.LAND}
 _GOES_ON = NAVIGATING_STATES - {MissionState.HOLD, MissionState.RETURN}
 
@@ -69,6 +73,8 @@ class Interrupted(msgspec.Struct, frozen=True):
     """It had been interrupted before, and gone on."""
     held_s: float | None = None
     """When the deadman asked for Hold; None where it left no mark."""
+    over: bool = False
+    """It was not cut off: its mission was over, and left the vehicle in the air."""
 
 
 class Found(msgspec.Struct, frozen=True):
@@ -118,7 +124,7 @@ def read_mark(log: Path) -> HoldMark | None:
 
 
 def last_flight(folder: Path) -> Interrupted | None:
-    """The newest log in `folder`, when it was cut off in flight; None when it was not.
+    """The newest log in `folder`, when it was cut off, or ended, in flight; None when it was not.
 
     A log without a tick is a life that ended before it did anything: the one before counts then,
     and has been tried already. Takes as long as flying it again: a few seconds for ten minutes.
@@ -150,18 +156,24 @@ def _has_ticks(path: Path) -> bool:
 
 
 def _interrupted(log: FlightLog) -> Interrupted | None:
-    """The flight of a log with ticks; None when it was not cut off."""
+    """The flight of a log with ticks; None when it ended on the ground or in a pilot's hands."""
     config, route, resumed = recorded_config(log), log.route(), log.resumed()
     guarded = GuardedPilot(config, route, resumed)
     last: Tick | None = None
     why = ""
-    ticks = 0
+    ticks, flown = 0, False
     for tick in log:
         if not why:
             why = _difference(tick, ticks, guarded)
         ticks, last = ticks + 1, tick
-    if last is None or last.command.decision.outcome is not None:
+        flown = flown or tick.command.decision.state in _UP
+    if last is None:
         return None
+    outcome = last.command.decision.outcome
+    if outcome is not None:
+        if not (flown and _left_flying(last.inputs.status, outcome)):
+            return None
+        why = "it was over"
     mark = read_mark(log.path)
     held = mark is not None and mark.host_boot == log.header.host_boot
     return Interrupted(
@@ -175,7 +187,14 @@ def _interrupted(log: FlightLog) -> Interrupted | None:
         scenario=log.header.scenario,
         again=resumed is not None,
         held_s=mark.asked_s if mark is not None and held else None,
+        over=outcome is not None,
     )
+
+
+def _left_flying(status: VehicleStatus, outcome: Outcome) -> bool:
+    """True where a mission ended in the air, and no pilot had taken the vehicle."""
+    taken = outcome.ending is Ending.TAKEN_OVER and not status.in_failsafe
+    return is_in_the_air(status) and not taken
 
 
 def _difference(tick: Tick, expected: int, guarded: GuardedPilot) -> str:
@@ -199,29 +218,33 @@ def why_not_ours(flight: Interrupted | None, found: Found) -> str | None:
     age_s = found.now_s - inputs.now_s
     if not found.host_boot or flight.host_boot != found.host_boot:
         return "this computer was started anew since the last flight"
-    if not -_CLOCK_LATE_S <= age_s <= YOUNG_S:
-        return f"the last flight was interrupted {age_s:.0f} s ago"
-    if state not in _FLOWN:
+    if not -_CLOCK_LATE_S <= age_s <= (HOVERS_S if flight.over else YOUNG_S):
+        return f"the last flight {'ended' if flight.over else 'was interrupted'} {age_s:.0f} s ago"
+    if state not in _FLOWN and not flight.over:
         return f"the last flight was interrupted on the ground ({state.value})"
     if flight.config.vehicle.connection != found.config.vehicle.connection:
         return f"the last flight was on {flight.config.vehicle.connection}"
     if flight.scenario != found.scenario:
         return f"the last flight was in another world ({flight.scenario or 'the real one'})"
-    return _why_another(flight, found)
+    why = why_another(inputs.facts, inputs.now_s, found.facts, found.now_s)
+    if why is None and flight.over:
+        # Time enough to be landed, and flown elsewhere by somebody else.
+        return _why_elsewhere(flight, found)
+    return why
 
 
-def _why_another(flight: Interrupted, found: Found) -> str | None:
-    """Why the autopilot that answers is not known to be the one that was flown."""
-    inputs = flight.last.inputs
-    then, now = inputs.facts, found.facts
+def why_another(
+    then: VehicleFacts | None, then_s: float, now: VehicleFacts, now_s: float
+) -> str | None:
+    """Why the autopilot that answers `now` is not known to be the one that was heard `then`."""
     if then is None or then.system_id != now.system_id:
         return "the last flight was with another vehicle"
     if now.booted_s is None or then.booted_s is None:
         return "the autopilot does not tell when it started"
-    if now.booted_s > inputs.now_s:
+    if now.booted_s > then_s:
         return "the autopilot was started anew since the last flight"
     apart_s = abs(now.booted_s - then.booted_s)
-    if not apart_s <= _BOOT_APART_S + _CLOCK_DRIFT * (found.now_s - now.booted_s):
+    if not apart_s <= _BOOT_APART_S + _CLOCK_DRIFT * (now_s - now.booted_s):
         return f"the autopilot started {apart_s:.0f} s apart from the one that was flown"
     return None
 
@@ -236,6 +259,8 @@ def why_not_held_for_us(flight: Interrupted, found: Found) -> str | None:
         return f"it is in {status.mode.value}, which PX4 or a pilot chose"
     if status.in_failsafe:
         return None
+    if flight.over:
+        return "its mission was over, and a pilot may have put it into Hold since"
     held_s = flight.held_s
     if held_s is None or not flight.last.inputs.now_s <= held_s <= found.now_s:
         return "a pilot or another program put it into Hold"

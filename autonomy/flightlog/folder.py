@@ -5,6 +5,7 @@ is being written is locked by its recorder, for as long as that process lives.
 """
 
 import fcntl
+import time
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from glob import escape
@@ -12,12 +13,21 @@ from pathlib import Path
 from typing import NamedTuple
 
 from autonomy.config import LogConfig
-from autonomy.flightlog.reader import is_ours
+from autonomy.errors import NotReplayable
+from autonomy.flightlog.reader import FlightLog, is_ours
 from autonomy.flightlog.schema import EXPORT_SUFFIX, SUFFIX
 
 _MB = 1_000_000
 _CLOCK_WAS_SET = datetime(2024, 1, 1, tzinfo=UTC).timestamp()
 """A computer without a battery for its clock starts in 1970: an older date is not a date."""
+
+
+def host_boot() -> str:
+    """Which start of this computer; empty where the system does not tell."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    except OSError:
+        return ""
 
 
 def is_log(path: Path) -> bool:
@@ -27,12 +37,14 @@ def is_log(path: Path) -> bool:
 
 
 def logs_in(folder: Path) -> list[Path]:
-    """The flight logs by their names, oldest first; none where there is no folder.
+    """The flight logs of a folder, oldest first; none where there is no folder.
 
+    Those of this start of the computer come last, by its monotonic clock: a date that is set back
+    between two flights makes no older one the newest. Among the others the date decides.
     Raises OSError for one that cannot be read.
     """
     try:
-        return [path for _, _, path in sorted(_dated(folder))]
+        return [path for _, path in sorted(_dated(folder))]
     except FileNotFoundError:
         return []
 
@@ -44,13 +56,33 @@ class _Flight(NamedTuple):
     written_s: float
 
 
-def _dated(folder: Path) -> Iterator[tuple[int, str, Path]]:
+_Age = tuple[bool, float]
+"""Of this start of the computer or not, and when: on its monotonic clock, else since 1970."""
+
+
+def _dated(folder: Path) -> Iterator[tuple[_Age, Path]]:
+    boot = host_boot()
+    booted_s = datetime.now(UTC).timestamp() - time.monotonic()
     for path in folder.iterdir():
         try:
             if is_log(path):
-                yield path.stat().st_mtime_ns, path.name, path
+                yield _age(path, boot, booted_s), path
         except FileNotFoundError:  # deleted meanwhile
             continue
+
+
+def _age(path: Path, boot: str, booted_s: float) -> _Age:
+    """Where a log stands; one that does not tell its own time, by the date of its file."""
+    written_s = path.stat().st_mtime
+    try:
+        header = FlightLog.open(path).header
+    except NotReplayable:
+        header = None
+    if header is not None and header.host_boot and header.host_boot != boot:
+        return False, written_s
+    if header is not None and header.host_boot and header.started_s is not None:
+        return True, header.started_s
+    return (True, written_s - booted_s) if written_s >= booted_s else (False, written_s)
 
 
 def make_room(folder: Path, keep: LogConfig, now_s: float) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from mcap.writer import CompressionType, Writer
 
 from autonomy import __version__
 from autonomy.errors import BadInput
-from autonomy.flightlog.folder import hold_for_writing
+from autonomy.flightlog.folder import hold_for_writing, host_boot
 from autonomy.flightlog.schema import (
     METADATA,
     PROFILE,
@@ -60,14 +60,6 @@ def _versions() -> dict[str, str]:
         "machine": platform.machine(),
         **libraries,
     }
-
-
-def host_boot() -> str:
-    """Which start of this computer; empty where the system does not tell."""
-    try:
-        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
-    except OSError:
-        return ""
 
 
 class FlightRecorder:
@@ -139,6 +131,7 @@ class FlightRecorder:
             started_utc=now.isoformat(timespec="seconds"),
             versions=_versions(),
             host_boot=host_boot(),
+            started_s=time.monotonic(),
         )
         stem = f"{now:%Y%m%d-%H%M%S}-{world or 'flight'}"
         number = 1
@@ -241,6 +234,8 @@ class FlightRecorder:
                 writer.flush()
                 os.fsync(self._file.fileno())
                 flush_at = time.monotonic() + FLUSH_S
+            elif _ordered(rows):
+                writer.flush()
         writer.finish()
         self._file.flush()
         os.fsync(self._file.fileno())
@@ -256,6 +251,14 @@ class FlightRecorder:
         """Empty the queue until the end, so that neither `tick` nor `close` ever waits for it."""
         while (rows := self._queue.get()) is not None:
             self._dropped += any(topic == "inputs" for topic, *_ in rows)
+
+
+def _ordered(rows: list[Row]) -> bool:
+    """True for a tick with an operator's order: who is killed next must not forget it.
+
+    The kernel has it once it was flushed, which is enough for a process that is killed.
+    """
+    return any(isinstance(record, Inputs) and record.commands for *_, record in rows)
 
 
 def _register(writer: Writer, topic: str, kind: type[msgspec.Struct]) -> int:

@@ -45,6 +45,8 @@ class FlightHeader(msgspec.Struct, frozen=True):
     versions: dict[str, str] = {}
     host_boot: str = ""
     """Which start of this computer: monotonic times of two logs are on one axis within it."""
+    started_s: float | None = None
+    """When recording began, on that axis: it orders flights, whatever the date was set to."""
     format: int = FORMAT
 
 

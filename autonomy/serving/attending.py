@@ -15,7 +15,14 @@ from autonomy.serving.parts import Connected, Parts
 from hal.drops import dropped_by
 from hal.errors import ConnectionFailed
 from hal.frames import ZERO3, Vector3, add, subtract
-from hal.readings import FlightMode, LandedState, LocalPosition, RangeReading, VehicleStatus
+from hal.readings import (
+    FlightMode,
+    LandedState,
+    LocalPosition,
+    RangeReading,
+    VehicleFacts,
+    VehicleStatus,
+)
 from hal.setpoints import Request, RequestKind
 
 _JUMP_M = 0.3
@@ -63,15 +70,40 @@ class LeftInAir:
         self.custody: Custody | None = None
         """None when it landed, or somebody else chose its mode."""
         self.proved_ours = False
-        """A log proves that the vehicle in the air is this service's: it obeys an operator's order
-        also where Hold may be a pilot's."""
+        """The vehicle in the air is this service's, by a log or because it was lost in its flight:
+        it obeys an operator's order also where Hold may be a pilot's."""
+        self._lost = False
+        """Its link or its setpoints were lost, and nobody but PX4's failsafe was seen since."""
+        self._met: tuple[VehicleFacts, float] | None = None
 
-    def see(self, status: VehicleStatus) -> None:
-        """Let go of a vehicle that is down, or in a mode that somebody else chose."""
-        down = status.landed is LandedState.ON_GROUND and not status.armed
-        if down or (self.custody is not None and not self.custody.holds(status.mode)):
+    def meet(self, facts: VehicleFacts, now_s: float) -> None:
+        """A vehicle answers: what is left belonged to another, or to its life before."""
+        met, self._met = self._met, (facts, now_s)
+        if met is not None and in_flight.why_another(*met, facts, now_s) is not None:
+            self._forget()
+
+    def _forget(self) -> None:
+        self.custody, self.proved_ours, self._lost = None, False, False
+
+    def lose(self) -> None:
+        """A flight lost its link or its setpoints: PX4's failsafe is not somebody else."""
+        self.proved_ours = self._lost = True
+
+    def see(self, status: VehicleStatus) -> bool:
+        """Let go of a vehicle that is down, or in a mode that somebody else chose.
+
+        True when PX4's failsafe is found to hold what was lost.
+        """
+        if status.landed is LandedState.ON_GROUND and not status.armed:
+            self._forget()
+            return False
+        if self.custody is not None and not self.custody.holds(status.mode):
             self.custody = None
-        self.proved_ours = self.proved_ours and not down
+        if not self._lost or self.custody is not None:
+            return False
+        self._lost = status.mode is FlightMode.HOLD and status.in_failsafe
+        self.custody = held_for_us() if self._lost else None
+        return self._lost
 
     def ordered(self, mode: FlightMode) -> Custody | None:
         """The custody by which an order is obeyed; None where it is not this service's to obey."""
@@ -103,6 +135,7 @@ class Attendant:
     def meet(self, connected: Connected) -> None:
         """A vehicle answers: what was known of the last one is forgotten."""
         self.frame.forget()
+        self.left.meet(connected.facts, self._parts.drivers.clock.now_s())
         self._readings.clear()
         drivers = (connected.vehicle, *connected.sensors, connected.gnss)
         self._parts.station.dropped = lambda: dropped_by(drivers)
@@ -134,7 +167,11 @@ class Attendant:
         position = vehicle.local_position()
         on_ground = status.landed is LandedState.ON_GROUND or not status.armed
         self.frame.follow(position, on_ground=on_ground)
-        self.left.see(status)
+        if self.left.see(status):
+            station.tell(
+                "in_flight",
+                "PX4's failsafe holds the vehicle, which this service lost; order it to land",
+            )
         station.at_rest(
             Instant(
                 now_s=self._parts.drivers.clock.now_s(),

@@ -13,7 +13,8 @@ import msgspec
 from autonomy import app, in_flight
 from autonomy.errors import AutonomyError, BadInput, ExitCode
 from autonomy.flight import Flight
-from autonomy.flightlog.recorder import FlightRecorder, host_boot
+from autonomy.flightlog.folder import host_boot
+from autonomy.flightlog.recorder import FlightRecorder
 from autonomy.geometry import Point
 from autonomy.model import Ending, OperatorCommand, Resumed
 from autonomy.report import FlightReport, FlyOptions, with_truth
@@ -167,6 +168,8 @@ class Missions:
         status = vehicle.status()
         ours = status.armed and flight.custody.holds(status.mode)
         self._attendant.left.custody = flight.custody if ours else None
+        if status.armed and flight.lost:
+            self._attendant.left.lose()
 
     def _recorder(self, mission: app.Mission, stack: ExitStack) -> FlightRecorder | None:
         """The flight's log; a disk that refuses it is told, and does not keep anybody down."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from autonomy import in_flight
 from autonomy.custody import Custody
 from autonomy.flight import bring_down
-from autonomy.flightlog.recorder import host_boot
+from autonomy.flightlog.folder import host_boot
 from autonomy.service.contract import Phase
 from autonomy.serving.attending import Attendant, held_for_us
 from autonomy.serving.missions import Missions

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+import msgspec
 import pytest
 
 from autonomy.config import Config
@@ -279,6 +280,34 @@ def test_a_taken_vehicle_has_no_moving_setpoint_left_behind(stage: Stage) -> Non
     assert len(stage.stopped_s) == 1
     assert stage.sent[-1].velocity_ned_m_s == (0.0, 0.0, 0.0)
     assert not any(stage.flight.custody.holds(mode) for mode in FlightMode)
+
+
+def test_what_a_failsafe_takes_stays_in_hold_though_its_flag_comes_later_than_its_mode(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told_now, looks = stage.vehicle.status, 0
+
+    def told_late() -> VehicleStatus:
+        nonlocal looks
+        status = told_now()
+        looks += status.in_failsafe
+        return msgspec.structs.replace(status, in_failsafe=status.in_failsafe and looks > 8)
+
+    monkeypatch.setattr(stage.vehicle, "status", told_late)
+    stage.when_cruising(lambda: stage.vehicle.autopilot.fail_safe(Mode.HOLD))
+    assert stage.run() is Ending.TAKEN_OVER
+    assert stage.asked == [RequestKind.HOLD]
+    assert stage.flight.lost
+    assert stage.flight.custody.holds(FlightMode.HOLD)
+    assert stage.vehicle.autopilot.intended_mode is Mode.HOLD
+
+
+def test_a_hold_that_a_pilot_chose_is_the_pilot_s(stage: Stage) -> None:
+    stage.when_cruising(lambda: stage.switch(Mode.HOLD))
+    assert stage.run() is Ending.TAKEN_OVER
+    assert stage.asked == []
+    assert not stage.flight.lost
+    assert not stage.flight.custody.holds(FlightMode.HOLD)
 
 
 def test_a_vehicle_killed_in_flight_is_let_go_of_and_left_in_hold_for_who_arms_it_next(

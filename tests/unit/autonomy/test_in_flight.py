@@ -9,8 +9,8 @@ import msgspec
 import pytest
 
 from autonomy.config import Config
+from autonomy.flightlog.folder import host_boot
 from autonomy.flightlog.reader import FlightLog
-from autonomy.flightlog.recorder import host_boot
 from autonomy.in_flight import (
     Found,
     HoldMark,
@@ -403,6 +403,55 @@ async def test_a_vehicle_that_falls_silent_while_its_log_is_read_is_landed_when_
         return life.down
 
     await begun_anew(rig, tmp_path, "land", lands, "in flight; landing")
+
+
+async def left_in_the_air(folder: Path, *, pilot: bool = False) -> Rig:
+    """A vehicle whose mission ended in Hold at its goal, or by a pilot's Hold, and whose service
+    was killed then.
+    """
+    life = Life(None, folder)
+    vehicle = life.rig.vehicle
+
+    def take() -> None:
+        if vehicle.status().mode is FlightMode.OFFBOARD:
+            life.rig.at_tick = None
+            vehicle.autopilot.take_over(Mode.HOLD)
+
+    life.rig.at_tick = take if pilot else None
+    async with asyncio.TaskGroup() as group:
+        running = group.create_task(life.service.run())
+        await life.ready()
+        record = life.station.submit(MissionOrder(goals=([0.5, 0.0],), land=False))
+        await life.until(lambda: life.station.missions()[0].over)
+        running.cancel()
+    ended = life.station.mission(record.id)
+    assert ended is not None
+    assert ended.ending == ("taken_over" if pilot else "goal_reached"), ended.why
+    assert life.mode is FlightMode.HOLD
+    vehicle.advance(200.0)
+    return life.rig
+
+
+async def test_what_a_mission_left_in_hold_lands_by_an_order_of_the_next_life(
+    tmp_path: Path,
+) -> None:
+    rig = await left_in_the_air(tmp_path)
+    flight, found = last_flight(tmp_path), found_with(rig, tmp_path)
+    assert flight is not None
+    assert why_not_ours(flight, found) is None
+    assert why_not_resumed(flight, found) == "it was over"
+    replace = msgspec.structs.replace
+    assert "ended" in str(why_not_ours(flight, replace(found, now_s=found.now_s + 1800.0)))
+    assert found.position is not None
+    n, e, d = found.position.position_ned_m
+    moved = replace(found, position=replace(found.position, position_ned_m=(n + 1.2, e, d)))
+    assert "m from where" in str(why_not_ours(flight, moved))
+    await begun_anew(rig, tmp_path, "land", landed_by_an_operator(), "its mission was over")
+
+
+async def test_what_a_pilot_took_from_a_mission_is_nobody_s_after_a_kill(tmp_path: Path) -> None:
+    await left_in_the_air(tmp_path, pilot=True)
+    assert last_flight(tmp_path) is None
 
 
 async def test_a_mission_that_was_interrupted_twice_does_not_go_on(tmp_path: Path) -> None:

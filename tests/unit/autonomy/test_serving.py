@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from autonomy.config import Config
@@ -20,7 +21,7 @@ from autonomy.serving.parts import Parts
 from autonomy.serving.service import Service
 from autonomy.simulation import with_scenario
 from hal.readings import FlightMode, LandedState
-from hal.setpoints import Reply, Request, RequestKind
+from hal.setpoints import Reply, Request, RequestKind, Setpoint
 from hal.sim.px4 import Mode
 from hal.sim.scenario import load_scenario
 from tests.support.simulated_drivers import Rig
@@ -293,6 +294,145 @@ async def test_what_the_service_left_in_the_air_is_not_its_own_once_a_pilot_swit
         stage.service.stop()
     assert asked == []
     assert stage.rig.vehicle.status().armed
+
+
+class Uplink:
+    """The way to the vehicle with a gap, and with the library's habit: the last setpoint is
+    repeated at every tick.
+    """
+
+    def __init__(self, stage: Stage) -> None:
+        self._vehicle, self._clock = stage.rig.vehicle, stage.rig.clock
+        self._send, self._execute = self._vehicle.send, self._vehicle.execute_now
+        self._last: Setpoint | None = None
+        self._gap_s = (math.inf, math.inf)
+        self._vehicle.send = self.send  # type: ignore[method-assign]  # a link with a gap
+        self._vehicle.execute_now = self.execute  # type: ignore[method-assign]  # the same
+
+    @property
+    def cut(self) -> bool:
+        return self._gap_s[0] <= self._clock.now_s() < self._gap_s[1]
+
+    def fail_for(self, seconds: float) -> None:
+        self._gap_s = (self._clock.now_s(), self._clock.now_s() + seconds)
+
+    def send(self, setpoint: Setpoint) -> None:
+        self._last = setpoint
+
+    def execute(self, request: Request) -> Reply:
+        if not self.cut:
+            return self._execute(request)
+        self._vehicle.advance(1.0)
+        return Reply(self._clock.now_s(), request.kind, accepted=False, reason="no answer")
+
+    def repeat(self) -> None:
+        if self._last is not None and not self.cut:
+            self._send(self._last)
+
+
+async def land_by_order(stage: Stage) -> None:
+    """An operator's LAND brings the vehicle down."""
+    stage.rig.vehicle.seconds_a_request = 20.0
+    stage.station.command(OperatorCommand.LAND)
+    await stage.until_true(lambda: not stage.rig.vehicle.status().armed)
+    assert stage.rig.vehicle.status().landed is LandedState.ON_GROUND
+    assert "nothing is flown" not in events(stage)
+
+
+def cut_in_flight(stage: Stage) -> Callable[[], None]:
+    """Cuts the link once the vehicle cruises."""
+
+    def cut() -> None:
+        drawn = stage.station.drawn
+        if drawn is not None and len(drawn.track) == 12:
+            stage.rig.at_tick = None
+            stage.rig.vehicle.cut_link()
+
+    return cut
+
+
+@pytest.mark.parametrize("ends", [False, True])
+async def test_what_was_lost_with_its_link_is_landed_when_it_is_back(
+    tmp_path: Path, *, ends: bool
+) -> None:
+    stage = Stage(tmp_path)
+    vehicle = stage.rig.vehicle
+    stage.rig.at_tick = cut_in_flight(stage)
+    async with asyncio.TaskGroup() as group:
+        running = group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        name = stage.station.submit(MissionOrder(goals=([2.0, 0.0],))).id
+        await stage.until_true(lambda: stage.record(name).over)
+        assert stage.record(name).ending == "link_lost"
+        await stage.until(Phase.WAITING)
+        vehicle.restore_link()
+        await stage.until(Phase.READY)
+        await stage.until_true(functools.partial(is_told, stage, "PX4's failsafe holds"))
+        assert vehicle.status().mode is FlightMode.HOLD
+        if ends:
+            vehicle.seconds_a_request = 20.0
+            stage.service.stop()
+            await stage.until_true(running.done)
+            assert vehicle.status().landed is LandedState.ON_GROUND
+            return
+        await land_by_order(stage)
+        stage.service.stop()
+
+
+@pytest.mark.parametrize("change", ["pilot", "restart"])
+async def test_what_a_pilot_took_or_another_autopilot_flies_is_not_what_was_lost(
+    tmp_path: Path, change: str
+) -> None:
+    stage = Stage(tmp_path)
+    vehicle = stage.rig.vehicle
+    stage.rig.at_tick = cut_in_flight(stage)
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        stage.station.submit(MissionOrder(goals=([2.0, 0.0],)))
+        await stage.until(Phase.FLYING)
+        await stage.until(Phase.WAITING)
+        facts = msgspec.structs.replace(vehicle.facts(), booted_s=5.0)
+        if change == "restart":
+            vehicle.facts = lambda: facts  # type: ignore[method-assign]  # another boot
+        else:
+            vehicle.autopilot.take_over(Mode.POSITION)
+        asked = asks(stage)
+        vehicle.restore_link()
+        await stage.until(Phase.READY)
+        stage.station.command(OperatorCommand.LAND)
+        await stage.until_true(functools.partial(is_told, stage, "land: nothing is flown"))
+        stage.service.stop()
+    assert asked == []
+    assert vehicle.status().armed
+
+
+async def test_after_a_gap_of_the_setpoints_the_vehicle_stays_in_hold_and_is_landed(
+    tmp_path: Path,
+) -> None:
+    stage = Stage(tmp_path)
+    uplink, failed = Uplink(stage), False
+
+    def fail_once() -> None:
+        nonlocal failed
+        drawn = stage.station.drawn
+        if drawn is not None and len(drawn.track) == 12 and not failed:
+            failed = True
+            uplink.fail_for(1.4)
+        uplink.repeat()
+
+    stage.rig.at_tick = fail_once
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.READY)
+        record = await stage.fly(MissionOrder(goals=([2.0, 0.0],)))
+        assert record.ending == "taken_over"
+        assert "PX4's failsafe" in record.why
+        over_s = stage.rig.clock.now_s()
+        await stage.until_true(lambda: stage.rig.clock.now_s() > over_s + 3.0)
+        assert stage.rig.vehicle.status().mode is FlightMode.HOLD
+        await land_by_order(stage)
+        stage.service.stop()
 
 
 async def test_a_vehicle_that_a_pilot_took_in_flight_stays_the_pilot_s(tmp_path: Path) -> None:

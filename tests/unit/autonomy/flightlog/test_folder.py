@@ -58,6 +58,22 @@ def test_flights_beyond_their_age_go_and_the_newest_stays_however_old(tmp_path: 
     assert names(tmp_path) == {"b.mcap", "b.mcap.report.json"}
 
 
+def test_a_date_that_is_set_back_makes_no_older_flight_the_newest(tmp_path: Path) -> None:
+    paths = []
+    for days_old in (1.0, 40.0):  # the second was flown with the date set back
+        with FlightRecorder.in_folder(tmp_path, config_json="{}") as recorder:
+            paths.append(recorder.path)
+        os.utime(recorder.path, (NOW_S - days_old * DAY_S,) * 2)
+    before = flight(tmp_path, "another start of the computer", days_old=0.0)
+    header = FlightHeader(config_json="{}", host_boot="another", started_s=1e9)
+    before.unlink()
+    with FlightRecorder(before, header):
+        pass
+    assert logs_in(tmp_path) == [before, *paths]
+    make_room(tmp_path, LogConfig(keep_mb=0.0, keep_days=30), NOW_S)
+    assert paths[1].exists()
+
+
 def test_nothing_is_deleted_where_nothing_was_asked_for(tmp_path: Path) -> None:
     for number in range(3):
         flight(tmp_path, f"f{number}", days_old=4000 - number, padding=100_000)

@@ -4,8 +4,10 @@ import errno
 import os
 import queue
 import threading
+import time
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -17,7 +19,7 @@ from autonomy.flightlog import recorder as recording
 from autonomy.flightlog.reader import FlightLog, replay
 from autonomy.flightlog.recorder import FlightRecorder
 from autonomy.flightlog.schema import FlightHeader
-from autonomy.model import GuardReport
+from autonomy.model import GuardReport, OperatorCommand
 from hal.readings import StatusText
 from tests.unit.autonomy.flightlog.records import plain_inputs, plain_step
 
@@ -152,6 +154,26 @@ def test_a_folder_that_cannot_be_used_is_told_in_a_sentence(tmp_path: Path) -> N
         FlightRecorder.in_folder(tmp_path / "file" / "logs", config_json="{}")
     with pytest.raises(BadInput, match="cannot be created"):
         FlightRecorder(tmp_path / "absent" / "a.mcap", HEADER)
+
+
+def test_an_operator_s_order_is_in_the_log_before_its_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording, "FLUSH_S", 1e6)
+    path = tmp_path / "a.mcap"
+    with FlightRecorder(path, HEADER) as recorder:
+        recorder.route(ROUTE)
+        while not path.stat().st_size:
+            time.sleep(0.001)
+        for index in range(3):
+            inputs = plain_inputs(index / 20.0, 0.5)
+            ordered = (OperatorCommand.STOP,) if index == 2 else ()
+            inputs = msgspec.structs.replace(inputs, commands=ordered)
+            recorder.tick(inputs, plain_step(inputs), 1e-4)
+        ends_s = time.monotonic() + 20.0
+        while len(ticks := list(FlightLog.open(path))) < 3 and time.monotonic() < ends_s:
+            time.sleep(0.01)
+    assert [tick.inputs.commands for tick in ticks] == [(), (), (OperatorCommand.STOP,)]
 
 
 def test_two_flights_in_one_second_have_two_files(tmp_path: Path) -> None:
