@@ -2,13 +2,13 @@
 
 import math
 import statistics
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import msgspec
 import yaml
 
 from autonomy.errors import BadInput
-from hal.config import BeamsConfig
+from hal.config import BeamMount, BeamsConfig
 from hal.readings import RangeReading, RangeStatus
 
 LEAST_READINGS = 20
@@ -113,14 +113,41 @@ def calibrated(beams: BeamsConfig, calibration: Calibration) -> BeamsConfig:
     return beams.model_copy(update={"mounts": mounts})
 
 
+HEADING = "# Measured by autonomy calibrate: paste beams.mounts over that of your configuration.\n"
+
+
 def as_yaml(beams: BeamsConfig, calibration: Calibration) -> str:
     """The mounts with the result, as a configuration document: a list is given as a whole."""
-    mounts = [
-        mount.model_dump(mode="json", exclude_defaults=True)
-        for mount in calibrated(beams, calibration).mounts
-    ]
-    document = {"beams": {"mounts": mounts}}
-    return yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
+    return _document(calibrated(beams, calibration).mounts)
+
+
+def _document(mounts: Iterable[BeamMount]) -> str:
+    told = [mount.model_dump(mode="json", exclude_defaults=True) for mount in mounts]
+    document = {"beams": {"mounts": told}}
+    return HEADING + yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
+
+
+def remembered(beams: BeamsConfig, text: str, name: str) -> BeamsConfig:
+    """`beams` with what earlier calibrations found, from the text of a file that they wrote.
+
+    Raises BadInput for a text that is not, word for word, what `as_yaml` writes: it is somebody's,
+    and his comments would be lost.
+    """
+    try:
+        written = [BeamMount.model_validate(one) for one in yaml.safe_load(text)["beams"]["mounts"]]
+    except (yaml.YAMLError, ValueError, LookupError, TypeError):
+        written = []
+    if not written or _document(written) != text:
+        raise BadInput(
+            f"{name} is not as autonomy calibrate wrote it, and is left alone; give --out a name "
+            "of its own, and paste the mounts from there"
+        )
+    found = {mount.name: (mount.offset_m, mount.sigma_m) for mount in written}
+    mounts = []
+    for mount in beams.mounts:
+        offset_m, sigma_m = found.get(mount.name, (mount.offset_m, mount.sigma_m))
+        mounts.append(mount.model_copy(update={"offset_m": offset_m, "sigma_m": sigma_m}))
+    return beams.model_copy(update={"mounts": tuple(mounts)})
 
 
 def described(calibration: Calibration) -> str:

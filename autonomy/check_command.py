@@ -1,14 +1,14 @@
 """`autonomy check`: what it looks at, what it sets, and how it is said."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import click
 import msgspec
 
-from autonomy import doctor, vehicle_check
+from autonomy import doctor, local_check, vehicle_check
 from autonomy.config import Config
 from autonomy.errors import BadInput, ExitCode
 from autonomy.finding import Finding, Fix
@@ -28,38 +28,52 @@ class Asked:
 
 def run(config: Config, asked: Asked) -> ExitCode:
     """Look, say, set; PREFLIGHT_REFUSED when something has to be mended, or was not set."""
-    if asked.settings and asked.connection is not None:
-        _agree_to_settings(asked)
-        found = vehicle_check.set_parameters(config, asked.connection, asked.settings)
-    else:
-        found = _looked(config, asked)
+    found: list[Finding] = []
+    for finding in _findings(config, asked):
+        found.append(finding)
+        if not asked.as_json:
+            click.echo(str(finding))
     bad = sum(finding.bad for finding in found)
     if asked.as_json:
         document = {"ready": bad == 0, "findings": found, "fixes": _fixes(found, done=False)}
         click.echo(msgspec.json.format(msgspec.json.encode(document)).decode())
     else:
-        for finding in found:
-            click.echo(str(finding))
         _say_fixes(asked, found)
         click.echo(f"{bad} to mend" if bad else "ready")
     return ExitCode.PREFLIGHT_REFUSED if bad else ExitCode.GOAL_REACHED
 
 
-def _looked(config: Config, asked: Asked) -> tuple[Finding, ...]:
-    found = doctor.check_machine(config, asked.log_directory)
+def _findings(config: Config, asked: Asked) -> Iterator[Finding]:
+    if asked.settings and asked.connection is not None:
+        _agree_to_settings(asked)
+        yield from vehicle_check.set_parameters(config, asked.connection, asked.settings)
+    else:
+        yield from _looked(config, asked)
+
+
+def _looked(config: Config, asked: Asked) -> Iterator[Finding]:
+    """Each finding as soon as it is known; on standard error what takes long."""
+    yield from doctor.check_machine(
+        config, asked.log_directory, lambda text: click.echo(text, err=True)
+    )
     if asked.connection is None:
-        return found
-    if not asked.fix:
-        return (*found, *vehicle_check.check_vehicle(config, asked.connection))
-    first = vehicle_check.mend_vehicle(config, asked.connection, lambda fixes: _agree(asked, fixes))
+        yield from local_check.check_local(config)
+    elif asked.fix:
+        yield from _mended(config, asked, asked.connection)
+    else:
+        yield from vehicle_check.check_vehicle(config, asked.connection)
+
+
+def _mended(config: Config, asked: Asked, connection: str) -> tuple[Finding, ...]:
+    first = vehicle_check.mend_vehicle(config, connection, lambda fixes: _agree(asked, fixes))
     done = _fixes(first, done=True)
     if done and not asked.as_json:
-        click.echo(f"to undo: {vehicle_check.undo(asked.connection, done)}")
+        click.echo(f"to undo: {vehicle_check.undo(connection, done)}")
     written = [finding for finding in first if finding.subject == "fix"]
     if not done or not all(finding.good for finding in written):
-        return (*found, *first)
+        return first
     # Looked at anew: what was set may have been what kept the vehicle down.
-    return (*found, *written, *vehicle_check.check_vehicle(config, asked.connection))
+    return (*written, *vehicle_check.check_vehicle(config, connection))
 
 
 def _fixes(found: Sequence[Finding], *, done: bool) -> list[Fix]:

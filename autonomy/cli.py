@@ -458,8 +458,9 @@ def _show_beams(effective: "Config", connection: str | None) -> None:
             effective,
             connection,
             math.inf,
-            lambda recent, now_s: screen.update(
-                "\n".join(beam_watch.bar_lines(effective.beams, recent, now_s)), refresh=True
+            lambda recent, now_s, troubles: screen.update(
+                "\n".join((*beam_watch.bar_lines(effective.beams, recent, now_s), *troubles)),
+                refresh=True,
             ),
         )
 
@@ -477,7 +478,7 @@ def _show_beams(effective: "Config", connection: str | None) -> None:
 @click.option("--connection", metavar="URL", help="The vehicle, for beams that come over its link.")
 @click.option("--config", "config_path", type=_EXISTING, help="Configuration file (YAML).")
 @click.option(
-    "--out", type=click.Path(dir_okay=False), help="Write the YAML there; must not exist yet."
+    "--out", type=click.Path(dir_okay=False), help="Collect the YAML of several beams there."
 )
 def calibrate(
     *,
@@ -495,16 +496,24 @@ def calibrate(
     names = [mount.name for mount in effective.beams.mounts]
     if beam not in names:
         raise click.UsageError(f"there is no beam {beam}; there are {', '.join(names)}")
+    before = effective.beams
     if out is not None and Path(out).exists():
-        raise click.UsageError(f"{out} exists already; give another name")
-    readings = beam_watch.watch(effective, connection, seconds)
+        before = calibration.remembered(before, Path(out).read_text(encoding="utf-8"), out)
+    readings = beam_watch.measure(effective, connection, beam, seconds)
     result = calibration.calibrate(effective.beams, beam, distance, readings)
     click.echo(calibration.described(result), err=True)
-    document = calibration.as_yaml(effective.beams, result)
+    document = calibration.as_yaml(before, result)
+    yours = config_path or "your configuration"
     if out is None:
         click.echo(document, nl=False)
+        click.echo(
+            f"only {beam} is new here: paste its line into beams.mounts of {yours}, or measure "
+            "several beams into one file with --out FILE",
+            err=True,
+        )
     else:
         Path(out).write_text(document, encoding="utf-8")
+        click.echo(f"{out}: paste its mounts over beams.mounts of {yours}", err=True)
 
 
 @main.command()

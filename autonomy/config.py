@@ -103,6 +103,11 @@ class MapConfig(Section):
     """Guard: everything within this of the corridor's axis must have been seen."""
 
 
+WIDE_READINGS, WIDE_READINGS_S = 256, 2.0
+"""How many readings of wide beams the map remembers, and for how long it must
+(autonomy/perception/kernels.py)."""
+
+
 class MoversConfig(Section):
     """Moving obstacles: what is seen where it was free (autonomy/mission/making_way.py)."""
 
@@ -430,6 +435,25 @@ class Config(Section):
                     f"{key} must not be above guard.yaw_rate_max_deg_s, "
                     "or the vehicle turns more slowly than it looks round"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _the_map_remembers_its_wide_beams(self) -> "Config":
+        periods_s = [
+            beam.period_s
+            for driver in self.beams.drivers
+            for beam in driver.beams_of()
+            if beam.period_s > 0.0
+            and self.beams.mount(beam.name).horizontal
+            and self.beams.half_angle_deg(beam.name) > 0.0
+        ]
+        rate_hz = sum(1.0 / period_s for period_s in periods_s)
+        most_hz = WIDE_READINGS / WIDE_READINGS_S
+        if rate_hz > most_hz:
+            raise ValueError(
+                f"beams: the wide level beams measure {rate_hz:.0f} times a second together, and "
+                f"the map takes in {most_hz:.0f} at most; lengthen their budgets"
+            )
         return self
 
     @model_validator(mode="after")

@@ -8,10 +8,12 @@ import shutil
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from autonomy.config import Config
-from autonomy.finding import Finding
+from autonomy.finding import Finding, note, ok
+from autonomy.mission.sensing import THIN_DEG
 from autonomy.warm import warm_up
 
 _OLDEST_PYTHON = (3, 11)
@@ -23,16 +25,33 @@ _SLOW_WARM_UP_S = 5.0
 # ---------------------------------------------------------------- this machine
 
 
-def check_machine(config: Config, log_directory: Path) -> tuple[Finding, ...]:
-    """Python, packages, kernels and disk. The configuration itself is valid: it was loaded."""
+def check_machine(
+    config: Config, log_directory: Path, tell: Callable[[str], None] | None = None
+) -> Iterator[Finding]:
+    """Python, packages, disk and kernels, each when it is known. The configuration itself is valid:
+    it was loaded. `tell` hears now and then what takes long.
+    """
     beams = len(config.beams.mounts)
-    return (
-        Finding(good=True, sentence=f"the configuration is valid; it has {beams} range beams"),
-        check_python(),
-        *check_packages(),
-        check_kernels(),
-        check_disk(log_directory),
+    yield ok(f"the configuration is valid; it has {beams} range beams")
+    yield from check_movers(config)
+    yield check_python()
+    yield from check_packages()
+    yield check_disk(log_directory)
+    yield check_kernels(tell)
+
+
+def check_movers(config: Config) -> tuple[Finding, ...]:
+    """Wide beams do not tell where in their cone a thing is, so not that it moves either."""
+    level = [mount.name for mount in config.beams.mounts if mount.horizontal]
+    if not config.movers.watch or any(
+        config.beams.half_angle_deg(name) <= THIN_DEG for name in level
+    ):
+        return ()
+    sentence = (
+        f"no level beam sees {THIN_DEG:g} deg or less to each side: nothing is seen to move, and "
+        "nobody is made way for, in spite of movers.watch; keep people and pets out"
     )
+    return (note(sentence, "movers"),)
 
 
 def check_python() -> Finding:
@@ -70,10 +89,10 @@ def _numbers(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in re.findall(r"\d+", version)[:3])
 
 
-def check_kernels() -> Finding:
-    """Compile what flies; the second time it comes from the disk."""
+def check_kernels(tell: Callable[[str], None] | None = None) -> Finding:
+    """Compile what flies; the second time it comes from the disk. `tell` as in `warm_up`."""
     before_s = time.monotonic()
-    warm_up()
+    warm_up(tell)
     took_s = time.monotonic() - before_s
     again = "; it was compiled now, the next start is fast" if took_s > _SLOW_WARM_UP_S else ""
     return Finding(good=True, sentence=f"the kernels were ready in {took_s:.1f} s{again}")

@@ -33,9 +33,12 @@ from hal.readings import (
     VehicleFacts,
     VehicleStatus,
 )
+from hal.troubles import troubles_of
 
 LOOK_S = 3.0
 """How long sensors are watched."""
+STARTS_S = 1.0
+"""How long sensors on this computer may take to start before that."""
 
 _POLL_S = 0.02
 _HALF_RATE = 0.5
@@ -155,7 +158,8 @@ async def _watched(
 ) -> tuple[Look, list[Finding]]:
     """What was heard in `LOOK_S`, and what could not be opened."""
     look, trouble = Look(), []
-    sensors = registry.range_sensors(config.beams, vehicle, clock)
+    # None is waited for: one that is missing is told, and hides no other.
+    sensors = registry.range_sensors(config.beams, vehicle, clock, frozenset())
     gnss = registry.gnss(config.gnss, vehicle, clock)
     deadline_s = min(LOOK_S, config.vehicle.connect_timeout_s)
     opened: list[RangeSensor] = []
@@ -164,7 +168,6 @@ async def _watched(
             try:
                 await sensor.open(deadline_s)
                 opened.append(sensor)
-                sensor.take()
             except HalError as error:
                 trouble.append(bad(str(error), "beams"))
         if gnss is not None:
@@ -172,7 +175,12 @@ async def _watched(
                 await gnss.open(min(deadline_s, 2.0))
             except HalError:
                 gnss = None  # said by the judgement: there is none
+        if config.beams.wired():
+            await asyncio.sleep(STARTS_S)
+        for sensor in opened:
+            sensor.take()
         await _listen(look, vehicle, opened)
+        trouble += troubles(opened)
         look.ended_s = clock.now_s()
         look.fix = gnss.fix() if gnss is not None else None
         await _health(look, vehicle, listener)
@@ -198,6 +206,12 @@ async def _listen(
             look.positions.append(position)
         if attitude is not None and attitude not in look.attitudes[-1:]:
             look.attitudes.append(attitude)
+
+
+def troubles(sensors: Sequence[RangeSensor]) -> list[Finding]:
+    """What is wrong with single ones of them."""
+    told = troubles_of(sensors)
+    return [bad(f"beam {name}: {trouble}", "beams") for name, trouble in told.items()]
 
 
 async def _health(look: Look, vehicle: registry.LinkedVehicle, listener: Listener) -> None:
@@ -230,7 +244,7 @@ def judged(
         *px4_advice.parameter_findings(version, parameters, situation),
         *_arming(status, look),
         *_position(status, look),
-        *_gnss(look),
+        *about_gnss(look.fix),
         *_battery(config, status),
         *((note(warning(virtual), "beams"),) if virtual is not None else ()),
         *check_beams(config, look.readings, look.seconds, look.ended_s),
@@ -304,8 +318,8 @@ def _spread(places: Sequence[tuple[float, ...]]) -> float:
     return max(float(statistics.pstdev(axis)) for axis in zip(*places, strict=True))
 
 
-def _gnss(look: Look) -> tuple[Finding, ...]:
-    fix = look.fix
+def about_gnss(fix: GnssFix | None) -> tuple[Finding, ...]:
+    """What the receiver says; None: there is none, or it is silent."""
     if fix is None:
         return (ok("no GNSS receiver is heard of; the local position is flown by", "gnss"),)
     if not fix.fix_type.has_position:

@@ -6,7 +6,7 @@ Angles are degrees in YAML (`_deg`) and radians in code; everything else is SI.
 import reprlib
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -67,7 +67,32 @@ def six_beams() -> tuple[BeamMount, ...]:
     )
 
 
-class MavlinkDriver(Section):
+class WiredBeam(NamedTuple):
+    """A sensor on this computer, as its driver's section describes it."""
+
+    name: str
+    """Of the mount."""
+    half_angle_deg: float = 0.0
+    """How far off its axis it sees; 0 is a thin ray."""
+    period_s: float = 0.0
+    """From one measurement to the next, at least; 0: not known here."""
+
+
+class DriverSection(Section):
+    """What every entry of `beams.drivers` is asked; one that answers nothing has what comes over
+    the vehicle's link.
+    """
+
+    def beams_of(self) -> tuple[WiredBeam, ...]:
+        """The beams whose sensors this driver reads on this computer, one entry a sensor."""
+        return ()
+
+    def port(self) -> str | None:
+        """What no two drivers may open; None: nothing."""
+        return None
+
+
+class MavlinkDriver(DriverSection):
     """Beams that come over the vehicle's link: all that nobody else drives."""
 
     driver: Literal["mavlink"] = "mavlink"
@@ -82,6 +107,10 @@ GpioName = Annotated[str, Field(pattern=r"^(gpiochip[0-9]+|sysfs)/[0-9]+$")]
 
 TOF_ADDRESS = 0x29
 """Where VL53L0X and VL53L1X answer after power-up (both data sheets: 0x52 with the R/W bit)."""
+
+
+SHARP_REFRESH_S = 0.0383
+"""Time between a Sharp sensor's own measurements (data sheets: 38.3 +- 9.6 ms)."""
 
 
 class I2cPlace(Section):
@@ -103,6 +132,16 @@ class I2cPlace(Section):
         if self.mux_address is None or self.mux_channel is None:
             return None
         return self.mux_address, self.mux_channel
+
+    @property
+    def half_angle_deg(self) -> float:
+        """Of the cone in which it sees; 0 is a thin ray."""
+        return 0.0
+
+    @property
+    def period_s(self) -> float:
+        """From one measurement to the next, at least; 0: not known here."""
+        return 0.0
 
 
 class TofPlace(I2cPlace):
@@ -138,6 +177,11 @@ class Vl53l0xConfig(TofPlace):
         """Of the cone in which it sees (data sheet: 25 degrees in all)."""
         return 12.5
 
+    @property
+    def period_s(self) -> float:
+        """From one measurement to the next."""
+        return self.budget_s
+
 
 class Vl53l1xConfig(TofPlace):
     """One VL53L1X. The region of interest narrows the cone: 16 x 16 diodes see 27 degrees."""
@@ -167,6 +211,11 @@ class Vl53l1xConfig(TofPlace):
         """
         side = max(self.roi_width, self.roi_height)
         return 7.5 + 0.625 * (side - 4) if side <= 8 else 10.0 + 0.4375 * (side - 8)
+
+    @property
+    def period_s(self) -> float:
+        """From one measurement to the next, at least."""
+        return self.budget_ms * 1e-3
 
 
 class PowerCurve(Section):
@@ -210,13 +259,18 @@ class SharpIrConfig(I2cPlace):
     closing_max_m_s: Positive = 1.0
     """Nothing moves faster towards or from the sensor than this."""
 
+    @property
+    def period_s(self) -> float:
+        """From one measurement to the next."""
+        return SHARP_REFRESH_S
+
 
 I2cSensorConfig = Annotated[
     Vl53l0xConfig | Vl53l1xConfig | SharpIrConfig, Field(discriminator="chip")
 ]
 
 
-class I2cDriver(Section):
+class I2cDriver(DriverSection):
     """Sensors on one Linux I2C bus."""
 
     driver: Literal["i2c"]
@@ -242,6 +296,14 @@ class I2cDriver(Section):
             raise ValueError("two sensors have the same xshut line")
         return self
 
+    def beams_of(self) -> tuple[WiredBeam, ...]:
+        """The beams whose sensors hang on this bus."""
+        return tuple(WiredBeam(s.beam, s.half_angle_deg, s.period_s) for s in self.sensors)
+
+    def port(self) -> str | None:
+        """The bus."""
+        return self.bus
+
     def _answering_with(self, sensor: I2cSensorConfig) -> str | None:
         """Another sensor that hears what is meant for this one."""
         for other in self.sensors:
@@ -266,7 +328,7 @@ def _wakes_at_the_others_address(sensor: I2cSensorConfig, other: I2cSensorConfig
     )
 
 
-class VirtualDriver(Section):
+class VirtualDriver(DriverSection):
     """All beams, cast from the vehicle's reported pose into a scenario: obstacles that are not
     there. The scenario's origin is where the vehicle is first armed (hal/ranging/README.md).
     """
@@ -314,14 +376,14 @@ class BeamsConfig(Section):
                 )
             return self
         names = {mount.name for mount in self.mounts}
-        driven = [sensor.beam for driver in self._on_i2c() for sensor in driver.sensors]
+        driven = [wired.name for wired in self._wired()]
         for beam in driven:
             if beam not in names:
                 raise ValueError(f"drivers: there is no mount called {beam}")
             if driven.count(beam) > 1:
                 raise ValueError(f"drivers: beam {beam} has two sensors; give each its own mount")
-        buses = [driver.bus for driver in self._on_i2c()]
-        if len(set(buses)) != len(buses):
+        ports = [driver.port() for driver in self.drivers if driver.port() is not None]
+        if len(set(ports)) != len(ports):
             raise ValueError("drivers: a bus is listed twice; list all its sensors under one")
         over_mavlink = [d for d in self.drivers if isinstance(d, MavlinkDriver)]
         if len(over_mavlink) > 1:
@@ -333,6 +395,17 @@ class BeamsConfig(Section):
             )
         return self
 
+    @model_validator(mode="after")
+    def _nothing_is_stale_between_two_measurements(self) -> "BeamsConfig":
+        for beam in self._wired():
+            if beam.period_s > self.stale_after_s / 2.0:
+                raise ValueError(
+                    f"drivers: beam {beam.name} is measured every {beam.period_s:g} s and stale "
+                    f"after {self.stale_after_s:g} s, so that one lost measurement blinds it; "
+                    "shorten its budget, or raise stale_after_s to twice that"
+                )
+        return self
+
     def half_angle_deg(self, name: str) -> float:
         """Of the cone in which the beam called `name` sees: as its mount says, else as its sensor
         does, else 0, a thin ray. Raises KeyError when there is no such mount.
@@ -340,24 +413,45 @@ class BeamsConfig(Section):
         told = self.mount(name).half_angle_deg
         if told is not None:
             return told
-        sensors = (sensor for driver in self._on_i2c() for sensor in driver.sensors)
-        found = next((sensor for sensor in sensors if sensor.beam == name), None)
-        return found.half_angle_deg if isinstance(found, Vl53l0xConfig | Vl53l1xConfig) else 0.0
+        return next((b.half_angle_deg for b in self._wired() if b.name == name), 0.0)
 
     def virtual(self) -> VirtualDriver | None:
         """The driver of virtual beams, where there is one; it has all beams then."""
         return next((d for d in self.drivers if isinstance(d, VirtualDriver)), None)
 
-    def _on_i2c(self) -> tuple[I2cDriver, ...]:
-        return tuple(driver for driver in self.drivers if isinstance(driver, I2cDriver))
+    def only(self, name: str) -> "BeamsConfig":
+        """What it takes to read the beam called `name`: its driver, and that driver's beams.
+
+        Raises KeyError when there is no such mount.
+        """
+        name = self.mount(name).name
+        for driver in self.drivers:
+            names = {beam.name for beam in driver.beams_of()}
+            if name in names:
+                mounts = tuple(mount for mount in self.mounts if mount.name in names)
+                return self.model_copy(update={"drivers": (driver,), "mounts": mounts})
+        return self.afar()
+
+    def afar(self) -> "BeamsConfig":
+        """What comes over the vehicle's link alone."""
+        drivers = tuple(driver for driver in self.drivers if not driver.beams_of())
+        return self.model_copy(update={"drivers": drivers, "mounts": self.over_mavlink()})
+
+    def wired(self) -> tuple[BeamMount, ...]:
+        """The mounts whose sensors are read on this computer."""
+        names = {beam.name for beam in self._wired()}
+        return tuple(mount for mount in self.mounts if mount.name in names)
+
+    def _wired(self) -> tuple[WiredBeam, ...]:
+        return tuple(beam for driver in self.drivers for beam in driver.beams_of())
 
     def over_mavlink(self) -> tuple[BeamMount, ...]:
         """The mounts whose readings come over the vehicle's link: all that no sensor here has.
 
         Virtual beams count: they need the vehicle's pose.
         """
-        driven = {sensor.beam for driver in self._on_i2c() for sensor in driver.sensors}
-        return tuple(mount for mount in self.mounts if mount.name not in driven)
+        names = {beam.name for beam in self._wired()}
+        return tuple(mount for mount in self.mounts if mount.name not in names)
 
     def latency_of(self, mount: BeamMount) -> float:
         """From the middle of a measurement of `mount` to the time that its driver gets to know.
@@ -368,8 +462,8 @@ class BeamsConfig(Section):
         """
         if mount.latency_s is not None:
             return mount.latency_s
-        driven = {sensor.beam for driver in self._on_i2c() for sensor in driver.sensors}
-        return 0.0 if mount.name in driven or self.virtual() is not None else self.latency_s
+        wired = any(beam.name == mount.name for beam in self._wired())
+        return 0.0 if wired or self.virtual() is not None else self.latency_s
 
     def mount(self, name: str) -> BeamMount:
         """The mount called `name`; raises KeyError when there is none."""

@@ -1,11 +1,12 @@
 """Which driver answers to which name in the configuration: the only module that knows them all."""
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 from hal.config import (
     AutopilotGnssConfig,
     BeamsConfig,
+    DriverSection,
     GnssConfig,
     I2cDriver,
     MavlinkDriver,
@@ -32,6 +33,7 @@ from hal.ranging.virtual_beams import PoseSource, VirtualBeams
 
 Sensors = tuple[RangeSensor, ...]
 Gnss = GnssReceiver | None
+Awaited = frozenset[str] | None
 
 
 class LinkedVehicle(Vehicle, MessageSource, MessageSink, ParameterStore, Protocol):
@@ -63,13 +65,21 @@ def vehicle(config: VehicleConfig, beams: BeamsConfig, clock: Clock) -> LinkedVe
     return VEHICLES[config.driver](config, beams, clock)
 
 
-def range_sensors(beams: BeamsConfig, source: MessageSource, clock: Clock) -> Sensors:
-    """The drivers of all configured beams; not open yet.
+WIRED: dict[type[DriverSection], Callable[[Any, BeamsConfig, Clock, Awaited], RangeSensor]] = {
+    I2cDriver: I2cRangeSensor,
+}
+"""Drivers of sensors that are wired to this computer, by their section in `beams.drivers`."""
+
+
+def range_sensors(
+    beams: BeamsConfig, source: MessageSource, clock: Clock, awaited: Awaited = None
+) -> Sensors:
+    """The drivers of all configured beams; not open yet. `awaited`: see `local_range_sensors`.
 
     Raises ReadingRefused when the mounts cannot be told apart over MAVLink, DocumentError when a
     virtual room does not exist or is none.
     """
-    sensors: list[RangeSensor] = list(local_range_sensors(beams, clock))
+    sensors: list[RangeSensor] = list(local_range_sensors(beams, clock, awaited))
     sensors += [
         _virtual(driver, beams, source, clock)
         for driver in beams.drivers
@@ -82,10 +92,13 @@ def range_sensors(beams: BeamsConfig, source: MessageSource, clock: Clock) -> Se
     return tuple(sensors)
 
 
-def local_range_sensors(beams: BeamsConfig, clock: Clock) -> Sensors:
-    """The drivers of the beams that are wired to this computer and need no vehicle."""
-    wired = (driver for driver in beams.drivers if isinstance(driver, I2cDriver))
-    return tuple(I2cRangeSensor(driver, beams, clock) for driver in wired)
+def local_range_sensors(beams: BeamsConfig, clock: Clock, awaited: Awaited = None) -> Sensors:
+    """The drivers of the beams that are wired to this computer and need no vehicle.
+
+    Opening waits for the first measurement of the beams `awaited`; None: of all of its own.
+    """
+    wired = (driver for driver in beams.drivers if driver.beams_of())
+    return tuple(WIRED[type(driver)](driver, beams, clock, awaited) for driver in wired)
 
 
 def _virtual(
@@ -109,8 +122,13 @@ def _virtual(
 
 def gnss(config: GnssConfig, source: MessageSource, clock: Clock) -> Gnss:
     """The GNSS receiver that `config.driver` names; not open yet."""
+    return AutopilotGnss(source) if config.driver == "autopilot" else local_gnss(config, clock)
+
+
+def local_gnss(config: GnssConfig, clock: Clock) -> Gnss:
+    """The receiver, where it is on this computer and needs no vehicle; not open yet."""
     match config:
         case AutopilotGnssConfig():
-            return AutopilotGnss(source)
+            return None
         case SerialGnssConfig():
             return SerialReceiver(config, clock)

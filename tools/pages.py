@@ -22,3 +22,11 @@ def renew(section: str, text: str, page: Path) -> None:
     """As `renewed`, in a file."""
     whole = page.read_text(encoding="utf-8")
     page.write_text(renewed(whole, section, text, str(page)), encoding="utf-8")
+
+
+def must_have(section: str, page: Path) -> None:
+    """Before hours of work for it: ends the program in a sentence where the page has no place."""
+    try:
+        renewed(page.read_text(encoding="utf-8"), section, "", str(page))
+    except ValueError as error:
+        raise SystemExit(str(error)) from None

@@ -24,7 +24,7 @@ from hal.frames import ZERO3, Vector3, add, norm, subtract
 from hal.readings import RangeReading, RangeStatus
 
 _UPWARDS_DEG = 60.0
-_THIN_DEG = 3.0
+THIN_DEG = 3.0
 UNDER_VEHICLE_M = 0.14
 """The vehicle stands there: free, whatever is forgotten."""
 
@@ -60,7 +60,7 @@ class Sensing:
         self._thin_beams = {
             index: mount.name
             for index, mount in enumerate(config.beams.mounts)
-            if config.beams.half_angle_deg(mount.name) <= _THIN_DEG
+            if config.beams.half_angle_deg(mount.name) <= THIN_DEG
         }
         self._armed_at_ned_m: Vector3 = ZERO3
         self.home_ned_m: Vector3 = ZERO3

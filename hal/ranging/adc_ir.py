@@ -12,13 +12,12 @@ curve, or is a leap. `FoldWatch` holds the rule.
 import bisect
 from collections.abc import Iterator
 
-from hal.config import PowerCurve, SharpIrConfig, TableCurve
+from hal.config import SHARP_REFRESH_S, PowerCurve, SharpIrConfig, TableCurve
 from hal.ranging.ads1115 import FULL_SCALE, VOLTS_PER_STEP, Ads1115
 from hal.ranging.ranger import RESIDUAL_M, Measured
 from hal.readings import RangeStatus
 
-REFRESH_S = 0.0383
-"""Time between the sensor's own measurements."""
+REFRESH_S = SHARP_REFRESH_S
 AGE_S = REFRESH_S
 """Middle of the measurement that is shown: half a period long, shown for one period after."""
 

@@ -47,12 +47,15 @@ class I2cRangeSensor:
         driver: I2cDriver,
         beams: BeamsConfig,
         clock: Clock,
+        awaited: frozenset[str] | None = None,
         *,
         open_bus: Callable[[str], I2cBus] = LinuxI2cBus,
         open_line: Callable[[str], OutputLine] = output_line,
         new_waiter: Callable[[], Waiter] = ThreadWaiter,
     ) -> None:
+        """`open` waits for the beams `awaited`; None: for all. The others may come later."""
         self._driver = driver
+        self._awaited = frozenset(s.beam for s in driver.sensors) if awaited is None else awaited
         self._beams = beams
         self._clock = clock
         self._open_bus, self._open_line, self._new_waiter = open_bus, open_line, new_waiter
@@ -67,20 +70,22 @@ class I2cRangeSensor:
         self.server: BusServer | None = None
 
     async def open(self, deadline_s: float) -> None:
-        """Start all sensors; returns when each has measured.
+        """Start all sensors; returns when each that is awaited has measured.
 
-        Raises ConnectionFailed: the bus cannot be opened, another chip answers, or a sensor did
-        not measure within `deadline_s`. Cancelling closes it.
+        Raises ConnectionFailed: the bus cannot be opened, or of those awaited one is another chip
+        or did not measure within `deadline_s`. Cancelling closes it.
         """
         await self.close()
         self._start()
         try:
             async with asyncio.timeout(deadline_s):
-                while not all(station.heard for station in self.stations):
+                while not all(station.heard for station in self._awaited_stations()):
                     self._refuse_wrong_chips()
                     await asyncio.sleep(_POLL_S)
         except TimeoutError:
-            troubles = [f"{s.mount.name}: {s.trouble}" for s in self.stations if not s.heard]
+            troubles = [
+                f"{s.mount.name}: {s.trouble}" for s in self._awaited_stations() if not s.heard
+            ]
             await self.close()
             raise ConnectionFailed(
                 f"no range within {deadline_s:g} s on {self._driver.bus} from "
@@ -90,10 +95,18 @@ class I2cRangeSensor:
             await self.close()
             raise
 
+    def _awaited_stations(self) -> list[Station]:
+        return [station for station in self.stations if station.mount.name in self._awaited]
+
+    def troubles(self) -> dict[str, str]:
+        """By beam, what is wrong with those that do not measure."""
+        defect = {self._driver.bus: self._failure} if self._failure is not None else {}
+        return defect | {s.mount.name: s.trouble for s in self.stations if s.trouble}
+
     def _refuse_wrong_chips(self) -> None:
         if self._failure is not None:
             raise ConnectionFailed(self._failure)
-        for station in self.stations:
+        for station in self._awaited_stations():
             if station.refusals >= _REFUSED_AFTER:
                 raise ConnectionFailed(f"beam {station.mount.name}: {station.trouble}")
 

@@ -42,7 +42,8 @@ def check(connection: str, *options: str) -> tuple[int, str, str]:
 
 def findings(connection: str, *options: str) -> tuple[int, dict[str, Any]]:
     code, out, errors = check(connection, "--json", *options)
-    assert errors == "" or "--yes" in options, errors
+    told = [line for line in errors.splitlines() if "compil" not in line]
+    assert told == [] or "--yes" in options, errors
     document: dict[str, Any] = json.loads(out)
     return code, document
 

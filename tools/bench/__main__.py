@@ -3,6 +3,7 @@
 import argparse
 
 from hal.sim.scenario import shipped_scenarios
+from tools import pages
 from tools.bench import flights, planners, report, ticks
 
 
@@ -15,6 +16,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20, help="flights of every scenario")
     parser.add_argument("--jobs", type=int, default=2, help="processes that fly")
     options = parser.parse_args()
+    if options.write:
+        for place in ("flights", "ticks", "planners"):
+            pages.must_have(place, report.README)
     names = list(shipped_scenarios())
     section = report.flight_section(
         flights.campaign(names, range(options.seeds), "stop", options.jobs)

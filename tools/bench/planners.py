@@ -26,6 +26,7 @@ from autonomy.t3drm import planner as planning
 from autonomy.t3drm.planner import Planner
 from autonomy.t3drm.spherical import Arc, Discs, Route, fence_planes, route_among, shortest_path
 from hal.config import Fence
+from tools import pages
 from tools.bench import steps
 from tools.bench.baselines import sampling
 from tools.bench.baselines.ant_colony import AntColony
@@ -470,6 +471,8 @@ def run(options: argparse.Namespace) -> None:
     """Measure, print, and write where that is asked for."""
     from tools.bench import report
 
+    if options.write:
+        pages.must_have("planners", report.README)
     chosen = families(options.barn)
     barn = barn_maps(options.barn) if options.barn is not None else ()
     measured = campaign(

@@ -34,6 +34,7 @@ from autonomy.flightlog.reader import FlightLog
 from autonomy.service.contract import MissionRecord, MissionStatus, Phase
 from autonomy.service.server import listening_socket
 from hal.sim.scenario import load_scenario
+from tools import pages
 from tools.bench import report
 
 _READY_S, _MISSION_S = 900.0, 300.0
@@ -319,6 +320,8 @@ def main() -> int:
     parser.add_argument("--rest", type=float, default=10.0, help="seconds of rest")
     parser.add_argument("--write", action="store_true", help="renew tools/bench/README.md")
     options = parser.parse_args()
+    if options.write:
+        pages.must_have("service", report.README)
     measured = measure(options.scenario, options.rest)
     text = page(measured)
     sys.stdout.write(text + "\n")

@@ -29,6 +29,7 @@ from hal.sim.scenario import Scenario, load_scenario
 from hal.sim.sensors import SimulatedBeams
 from hal.sim.vehicle import SimVehicle
 from hal.vehicle.guard import Guard
+from tools import pages
 from tools.bench import report
 from tools.bench.rooms import room
 
@@ -152,6 +153,8 @@ def main() -> None:
     parser.add_argument("--passes", type=int, default=3)
     parser.add_argument("--write", action="store_true", help="renew tools/bench/README.md")
     options = parser.parse_args()
+    if options.write:
+        pages.must_have("ticks", report.README)
     names = options.scenario or ["default", "u_trap", ROOM]
     text = section(names, options.half_angle, options.passes)
     print(text)

@@ -149,6 +149,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--write", action="store_true", help="into autonomy/perception/README.md")
     options = parser.parse_args(argv)
+    if options.write:
+        pages.must_have(f"wide {options.mode}", README)
     worlds = {world.name: world for world in barn_maps(options.barn)[: options.worlds]}
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     flights = campaign.flown(

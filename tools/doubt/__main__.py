@@ -25,6 +25,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--no-doubt", action="store_true", help="doubt silent beams only")
     parser.add_argument("--write", action="store_true", help=f"into {README.name}")
     asked = parser.parse_args(argv)
+    if asked.write:
+        pages.must_have("tables", README)
     rows = campaign.flown(
         itertools.chain(healthy(asked.seeds), faulty(asked.flights, asked.seed)),
         functools.partial(fly, doubting=not asked.no_doubt),

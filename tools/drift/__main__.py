@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tools import campaign
 from tools.drift import flights, report
-from tools.pages import renew
+from tools.pages import must_have, renew
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -28,6 +28,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--write", action="store_true", help="table and picture into the README")
     asked = parser.parse_args(argv)
+    if asked.write:
+        must_have("drift", report.README)
     asked_for = flights.cases(
         asked.room or flights.ROOMS,
         asked.drift or ("px4",),

@@ -2,6 +2,7 @@
 
 import argparse
 
+from tools import pages
 from tools.estimation import flights, page
 from tools.estimation.consistency import consistency
 
@@ -16,6 +17,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0, help="of a run for NEES and NIS")
     parser.add_argument("--write", action="store_true", help="renew page and picture")
     options = parser.parse_args()
+    if options.write:
+        pages.must_have("measured", page.README)
     series = consistency(options.runs, options.seconds)
     flown = [
         (case, [flights.fly(case, seed) for seed in range(options.flights)])
@@ -26,14 +29,12 @@ def main() -> None:
     )
     print(text)
     if options.write:
-        from tools.pages import renew
-
         drifting = next(runs for case, runs in flown if case.gnss_drift_m_s == 0.5)
         (state, _), (drift, _) = page.PICTURES
         page.draw_consistency(series, page.README.with_name(state))
         page.draw_drift(drifting[0], page.README.with_name(drift))
         shown = "\n".join(f"![{title}]({name})" for name, title in page.PICTURES)
-        renew("measured", f"{text}\n\n{shown}", page.README)
+        pages.renew("measured", f"{text}\n\n{shown}", page.README)
 
 
 if __name__ == "__main__":

@@ -57,6 +57,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _fly(options: argparse.Namespace) -> int:
+    if options.write:
+        pages.must_have("hunt", report.README)
     trials = list(
         campaign.run(
             options.folder,

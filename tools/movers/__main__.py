@@ -34,6 +34,8 @@ def main() -> None:
         speed_m_s = (options.speed or [0.2])[0]
         draw(options.picture, speed_m_s, README.with_name("evasion.png"))
         return
+    if options.write:
+        pages.must_have("table", README)
     rows = campaign.flown(
         cases(
             options.speed or [0.1, 0.2, 0.3],

@@ -34,6 +34,8 @@ def main(arguments: list[str] | None = None) -> int:
     for command in (simulated, real):
         command.add_argument("--write", action="store_true", help="renew tools/soak/README.md")
     options = parser.parse_args(arguments)
+    if options.write:
+        pages.must_have(options.soak, README)
     if options.soak == "simulated":
         samples = flying.simulated(options.hours, tell)
         title = f"{options.hours:g} h of simulated flight, {samples[-1].missions} missions"

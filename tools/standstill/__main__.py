@@ -46,6 +46,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--at-once", type=int, default=3, help="flights beside one another")
     parser.add_argument("--write", action="store_true", help="renew tools/standstill/README.md")
     options = parser.parse_args(arguments)
+    if options.write:
+        pages.must_have("standstill", README)
     faults = [f for f in FAULTS if not options.fault or f.name in options.fault]
     rows = campaign(faults, options.state or list(STATES), options.at_once)
     text = section(rows)

@@ -9,6 +9,7 @@ from click.testing import CliRunner, Result
 
 from autonomy import __version__
 from autonomy.cli import main, refusal
+from autonomy.config import load_config
 from autonomy.errors import AutonomyError, BadInput, ExitCode
 from autonomy.model import Ending
 from autonomy.report import FlightReport, FlyOptions
@@ -250,24 +251,51 @@ def test_calibrating_needs_a_beam_that_is_there_and_a_distance() -> None:
     assert "--connection URL" in result.stderr
 
 
-def test_calibrating_prints_a_document_or_writes_a_new_file(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    def watch(*_: object) -> list[RangeReading]:
+@pytest.fixture
+def wall(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every beam reads 2 cm too far."""
+
+    def measured(_: object, __: object, beam: str, ___: float) -> list[RangeReading]:
         return [
-            RangeReading(k / 25, "front", RangeStatus.VALID, 0.52, 1e-4, 0.02, 1.0)
-            for k in range(60)
+            RangeReading(k / 25, beam, RangeStatus.VALID, 0.52, 1e-4, 0.02, 1.0) for k in range(60)
         ]
 
-    monkeypatch.setattr("autonomy.beam_watch.watch", watch)
+    monkeypatch.setattr("autonomy.beam_watch.measure", measured)
+
+
+@pytest.mark.usefixtures("wall")
+def test_calibrating_prints_a_document_or_writes_it(tmp_path: Path) -> None:
     printed = run("calibrate", "front", "--distance", "0.5")
     assert printed.exit_code == 0
     assert "{name: front, offset_m: 0.02, sigma_m: 0.001}" in printed.stdout
     assert "reads +20.0 mm" in printed.stderr
+    assert "only front is new here: paste its line" in printed.stderr
     path = tmp_path / "front.yaml"
     assert run("calibrate", "front", "--distance", "0.5", "--out", str(path)).exit_code == 0
     assert path.read_text() == printed.stdout
-    assert run("calibrate", "front", "--distance", "0.5", "--out", str(path)).exit_code == 2
+
+
+@pytest.mark.usefixtures("wall")
+def test_one_file_collects_what_several_calibrations_found(tmp_path: Path) -> None:
+    path = tmp_path / "beams.yaml"
+    for beam in ("front", "left", "front"):
+        result = run("calibrate", beam, "--distance", "0.5", "--out", str(path))
+        assert result.exit_code == 0, result.stderr
+        assert "paste its mounts" in result.stderr
+    offsets = {mount.name: mount.offset_m for mount in load_config(path).beams.mounts}
+    assert offsets == {"front": 0.02, "left": 0.02, "right": 0, "back": 0, "up": 0, "down": 0}
+
+
+@pytest.mark.usefixtures("wall")
+def test_a_file_that_somebody_wrote_is_not_calibrated_over(tmp_path: Path) -> None:
+    path = tmp_path / "my-drone.yaml"
+    run("calibrate", "front", "--distance", "0.5", "--out", str(path))
+    for text in (path.read_text() + "# mine\n", "", "beams: [", "beams: {mounts: [{}]}"):
+        path.write_text(text)
+        result = run("calibrate", "left", "--distance", "0.5", "--out", str(path))
+        assert result.exit_code == ExitCode.BAD_INPUT
+        assert "is left alone" in result.stderr
+        assert path.read_text() == text
 
 
 def test_live_bars_need_beams_to_look_at() -> None:
