@@ -19,7 +19,7 @@ from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from autonomy import __version__
-from autonomy.errors import AutonomyError
+from autonomy.errors import AutonomyError, BadInput
 from autonomy.model import OperatorCommand
 from autonomy.service import logs, sightings, view
 from autonomy.service.contract import MissionOrder, MissionRecord, Phase, Problem
@@ -36,6 +36,8 @@ ORDERS_PER_S, ORDERS_BURST = 5.0, 20
 STREAMS_MAX = 16
 SUBPROTOCOL = "autonomy.v1"
 _SEND_S = 5.0
+_LOOK_S = 0.25
+"""Between two looks whether the service is ending."""
 _GZIP = {"content-encoding": "gzip"}
 _REPORT = {
     # A report has its style and its drawings in itself, and nothing to run.
@@ -169,12 +171,43 @@ class Api:
         return FileResponse(path, filename=path.name, media_type="application/octet-stream")
 
     async def _reel(self, request: Request) -> Response:
-        made = await self._workshop.make("reel", await self._found(request))
+        made = await self._made("reel", request)
         return Response(made, headers=_GZIP, media_type="application/json")
 
     async def _report(self, request: Request) -> Response:
-        made = await self._workshop.make("report", await self._found(request))
+        made = await self._made("report", request)
         return Response(made, headers=_GZIP | _REPORT, media_type="text/html")
+
+    async def _made(self, what: str, request: Request) -> bytes:
+        """What the workshop makes of the log that the path names, for as long as somebody waits.
+
+        The server lets a handler run on whose client has left; the workshop would stay taken.
+        """
+        log = await self._found(request)
+        async with asyncio.TaskGroup() as group:
+            making = group.create_task(self._attempt(what, log))
+            left = group.create_task(_until_left(request))
+            while self._station.phase is not Phase.STOPPING:
+                await asyncio.wait(
+                    (making, left), timeout=_LOOK_S, return_when=asyncio.FIRST_COMPLETED
+                )
+                if making.done() or left.done():
+                    break
+            made = making.result() if making.done() else None
+            making.cancel()
+            left.cancel()
+        if made is None:
+            raise HTTPException(503, "the service is ending; ask again when it is back")
+        if isinstance(made, BadInput):
+            raise made
+        return made
+
+    async def _attempt(self, what: str, log: Path) -> bytes | BadInput:
+        """What the workshop made of `log`, or why it could not: no error for a group of tasks."""
+        try:
+            return await self._workshop.make(what, log)
+        except BadInput as error:
+            return error
 
     async def _found(self, request: Request) -> Path:
         """The log that the path names; raises HTTPException."""
@@ -266,6 +299,13 @@ class Api:
             await socket.close(1001)
         except (WebSocketDisconnect, RuntimeError, TimeoutError):
             # Gone, or too slow to be shown anything: it may come back.
+            return
+
+
+async def _until_left(request: Request) -> None:
+    while True:
+        message = await request.receive()
+        if message["type"] == "http.disconnect":
             return
 
 

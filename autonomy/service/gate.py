@@ -2,6 +2,7 @@
 
 import hmac
 import time
+from collections import OrderedDict
 from collections.abc import Callable
 from urllib.parse import urlsplit
 
@@ -14,6 +15,7 @@ from autonomy.service.contract import Problem
 
 BODY_BYTES_MAX = 16 * 1024
 REQUESTS_PER_S, REQUESTS_BURST = 50.0, 200
+_ADDRESSES_MAX = 256
 _LOOPBACK = frozenset({"localhost", "127.0.0.1", "[::1]"})
 _CSP = b"content-security-policy"
 _SECURITY = (
@@ -58,8 +60,27 @@ class Bucket:
         return True
 
 
+class _Strangers:
+    """A bucket for each address that asks without the token; the longest silent are forgotten."""
+
+    def __init__(self) -> None:
+        self._buckets: OrderedDict[str, Bucket] = OrderedDict()
+
+    def of(self, address: str) -> Bucket:
+        """The bucket of `address`, a full one when it is not known."""
+        bucket = self._buckets.setdefault(address, Bucket(REQUESTS_PER_S, REQUESTS_BURST))
+        self._buckets.move_to_end(address)
+        if len(self._buckets) > _ADDRESSES_MAX:
+            self._buckets.popitem(last=False)
+        return bucket
+
+
 class Gate:
-    """Before everything else: right host, right origin, right token, right size."""
+    """Before everything else: right host, right origin, right token, right size.
+
+    Who has the token is limited apart from those who have not, so that nobody else's flood keeps an
+    operator out.
+    """
 
     def __init__(
         self,
@@ -71,6 +92,7 @@ class Gate:
         self._access = access
         self._clock_s = clock_s
         self._bucket = Bucket(REQUESTS_PER_S, REQUESTS_BURST)
+        self._strangers = _Strangers()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI."""
@@ -92,20 +114,29 @@ class Gate:
 
     def _refusal(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
         """(status, sentence) for a request that must not pass."""
-        if not _is_stop(scope) and not self._bucket.take(self._clock_s()):
+        refusal = self._foreign(scope, headers)
+        if refusal is not None:
+            return refusal
+        known = self._access.token is None or self._access.token_fits(_token(headers))
+        bucket = self._bucket if known else self._strangers.of((scope.get("client") or ("",))[0])
+        if not (known and _is_stop(scope)) and not bucket.take(self._clock_s()):
             return 429, "too many requests at once; wait a second"
+        if not known and scope["path"] not in _OPEN_PATHS and not scope["path"].startswith("/web/"):
+            return 401, "a token is needed: Authorization: Bearer TOKEN"
+        return self._body_refusal(scope, headers)
+
+    def _foreign(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
+        """The refusal of what another web page asks; it takes nothing from anybody's bucket."""
         host = headers.get("host", "")
         if self._access.hosts is not None and _name(host) not in self._access.hosts:
             # A name that somebody pointed at this machine is how web pages reach loopback.
             return 421, "this service does not answer under that name; use 127.0.0.1"
         origin = headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
-            return 403, "other web pages may not talk to this service"
-        if scope["path"] not in _OPEN_PATHS and not scope["path"].startswith("/web/"):
-            given = _token(headers)
-            if self._access.token is not None and not self._access.token_fits(given):
-                return 401, "a token is needed: Authorization: Bearer TOKEN"
-        return self._body_refusal(scope, headers)
+        foreign = origin is not None and _authority(origin) != host.lower()
+        if headers.get("sec-fetch-site") == "cross-site":
+            # A link to the page may be followed from anywhere; it asks for nothing else.
+            foreign |= scope["path"] != "/" or headers.get("sec-fetch-mode") != "navigate"
+        return (403, "other web pages may not talk to this service") if foreign else None
 
     def _body_refusal(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
         if scope["type"] != "http" or scope["method"] in ("GET", "HEAD"):
@@ -126,6 +157,14 @@ def _is_stop(scope: Scope) -> bool:
     return (method == "POST" and path in _ORDERS) or (
         method == "DELETE" and path.startswith("/v1/missions/")
     )
+
+
+def _authority(origin: str) -> str | None:
+    """Name and port in an Origin header; None when it is no address."""
+    try:
+        return urlsplit(origin).netloc.lower()
+    except ValueError:
+        return None
 
 
 def _name(host: str) -> str:

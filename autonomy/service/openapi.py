@@ -66,7 +66,11 @@ def _paths() -> dict[str, Any]:
     mission_id = _parameter("id", "The mission's id.")
     log_name = _parameter("name", "The log's name.")
     nothing_there = _problem("There is none of that name.")
-    made = {"404": nothing_there, "422": _problem("A log that cannot be flown again.")}
+    made = {
+        "404": nothing_there,
+        "422": _problem("A log that cannot be flown again."),
+        "503": _problem("The service is ending."),
+    }
     refused = {"409": _problem("Not now; the sentence says why.")}
     return {
         "/v1/health": {"get": _reads("Is it there, what is it doing", "Health", token=False)},

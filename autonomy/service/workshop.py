@@ -36,6 +36,11 @@ class Workshop:
         self._timeout_s = timeout_s
         self._at_work = False
 
+    @property
+    def at_work(self) -> bool:
+        """True while something is made: nothing else can be."""
+        return self._at_work
+
     async def make(self, what: str, log: Path) -> bytes:
         """The thing, compressed by gzip.
 

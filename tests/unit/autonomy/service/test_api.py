@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from starlette.testclient import TestClient
-from starlette.types import Message
+from starlette.types import Message, Receive, Scope, Send
 from starlette.websockets import WebSocketDisconnect
 
 from autonomy.config import Config
@@ -33,6 +33,13 @@ JSON = {"content-type": "application/json"}
 PATHS = (
     "/v1/state", "/v1/room", "/v1/events", "/v1/config", "/v1/faults", "/v1/missions", "/v1/logs",
     "/metrics",
+)  # fmt: skip
+
+Headers = list[tuple[bytes, bytes]]
+HOME: Headers = [(b"host", b"127.0.0.1")]
+HEADERS = (
+    "origin", "host", "authorization", "sec-fetch-site", "sec-websocket-protocol",
+    "content-length", "content-type",
 )  # fmt: skip
 
 
@@ -125,12 +132,26 @@ def test_the_bucket_fills_again() -> None:
     assert [bucket.take(10.6), bucket.take(10.6), bucket.take(99.0)] == [True, False, True]
 
 
-async def asked_often(path: str, method: str) -> list[int]:
+async def asked_often(path: str, method: str, headers: Headers = HOME) -> list[int]:
     """The answers of a gate, before an application that answers nothing, at one instant."""
-    answers: list[int] = []
+    return await answers_of(Gate(silent, Access(None), lambda: 7.0), path, method, headers)
 
-    async def application(*_: object) -> None:
-        answers.append(200)
+
+async def silent(_: Scope, receive: Receive, send: Send) -> None:
+    """Answers 200 and nothing."""
+    await send({"type": "http.response.start", "status": 200, "headers": []})
+
+
+async def answers_of(
+    gate: Gate,
+    path: str,
+    method: str,
+    headers: Headers,
+    times: int = REQUESTS_BURST + 10,
+    client: str = "10.0.0.7",
+) -> list[int]:
+    """The status of each of so many equal requests."""
+    answers: list[int] = []
 
     async def send(message: Message) -> None:
         if message["type"] == "http.response.start":
@@ -139,11 +160,9 @@ async def asked_often(path: str, method: str) -> list[int]:
     async def receive() -> Message:
         return {"type": "http.request"}
 
-    gate = Gate(application, Access(None), lambda: 7.0)
-    headers = [(b"host", b"127.0.0.1")]
-    for _ in range(REQUESTS_BURST + 10):
-        scope = {"type": "http", "path": path, "method": method, "headers": headers}
-        await gate(scope, receive, send)
+    scope = {"type": "http", "path": path, "method": method, "headers": headers}
+    for _ in range(times):
+        await gate(scope | {"client": (client, 4711)}, receive, send)
     return answers
 
 
@@ -157,6 +176,48 @@ async def test_whoever_asks_too_often_is_told_to_wait() -> None:
 )
 async def test_no_flood_keeps_a_stop_out(path: str, method: str) -> None:
     assert set(await asked_often(path, method)) == {200}
+
+
+async def test_a_flood_without_the_token_takes_nothing_from_who_has_it() -> None:
+    gate = Gate(silent, Access(TOKEN, None), lambda: 7.0)
+    known = [*HOME, (b"authorization", f"Bearer {TOKEN}".encode())]
+    for path in ("/", "/v1/state"):
+        flood = await answers_of(gate, path, "GET", HOME, 2 * REQUESTS_BURST)
+        assert flood.count(429) >= REQUESTS_BURST
+    assert await answers_of(gate, "/v1/stop", "POST", HOME, 1) == [429]
+    assert await answers_of(gate, "/v1/state", "GET", known, 1) == [200]
+    assert await answers_of(gate, "/", "GET", HOME, 1, "10.0.0.8") == [200]
+
+
+async def test_another_page_s_flood_takes_nothing_from_the_page_itself() -> None:
+    gate = Gate(silent, Access(None), lambda: 7.0)
+    foreign = [*HOME, (b"sec-fetch-site", b"cross-site"), (b"sec-fetch-mode", b"no-cors")]
+    assert set(await answers_of(gate, "/v1/state", "GET", foreign)) == {403}
+    assert await answers_of(gate, "/v1/state", "GET", HOME, 1) == [200]
+    link = [*HOME, (b"sec-fetch-site", b"cross-site"), (b"sec-fetch-mode", b"navigate")]
+    assert await answers_of(gate, "/", "GET", link, 1) == [200]
+    assert await answers_of(gate, "/metrics", "GET", link, 1) == [403]
+
+
+async def test_as_many_addresses_as_there_are_fill_no_memory_and_shut_nobody_out() -> None:
+    gate = Gate(silent, Access(TOKEN, None), lambda: 7.0)
+    for number in range(1000):
+        assert await answers_of(gate, "/", "GET", HOME, 1, f"10.0.{number}") == [200]
+    assert len(gate._strangers._buckets) <= 256
+
+
+@given(st.text(st.characters(max_codepoint=255), max_size=30), st.sampled_from(HEADERS))
+async def test_no_header_is_answered_with_a_defect(text: str, name: str) -> None:
+    gate = Gate(silent, Access(TOKEN, None), lambda: 7.0)
+    for value in (text, f"http://{text}", f"bearer {text}"):
+        headers = [*HOME, (name.encode(), value.encode("latin-1"))]
+        (status,) = await answers_of(gate, "/v1/missions", "POST", headers, 1)
+        assert 400 <= status < 500
+
+
+def test_an_origin_that_is_no_address_is_another_page(client: TestClient) -> None:
+    for origin in ("http://[", "http://[::1", "http://]", "http://\u212a"):
+        assert client.get("/v1/state", headers={"origin": origin.encode()}).status_code == 403
 
 
 MALFORMED: tuple[bytes, ...] = (

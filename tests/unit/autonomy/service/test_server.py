@@ -1,5 +1,9 @@
+import socket
+import sys
 import threading
+import time
 import urllib.request
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -8,10 +12,12 @@ from autonomy.config import Config, ServiceConfig
 from autonomy.errors import BadInput
 from autonomy.service.api import Api
 from autonomy.service.client import Client, NoService
+from autonomy.service.contract import Phase
 from autonomy.service.gate import Access
 from autonomy.service.metrics import Metrics
 from autonomy.service.server import WebServer, access_of, is_loopback, listening_socket, url_of
 from autonomy.service.station import Station
+from autonomy.service.workshop import Workshop
 from hal.errors import PortInUse
 
 TOKEN = "x" * 20
@@ -82,6 +88,38 @@ def test_a_real_server_answers_and_ends_with_its_thread(tmp_path: Path) -> None:
     assert "web" not in [thread.name for thread in threading.enumerate()]
     with pytest.raises(NoService, match="autonomy serve"):
         Client(url).state()
+
+
+def test_who_leaves_frees_the_workshop_at_once(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"flight a")
+    station = Station(Config(), accept)
+    begun = tmp_path / "begun"
+    slow = "import pathlib, sys, time; pathlib.Path(sys.argv[1]).touch(); time.sleep(60)"
+    workshop = Workshop({"reel": (sys.executable, "-c", slow, str(begun))})
+    api = Api(station, Metrics(station), Access(None), log_folder=tmp_path, workshop=workshop)
+    listening = listening_socket("127.0.0.1", 0)
+    asked = b"GET /v1/logs/a.mcap/reel HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+    with WebServer(api.application(), listening):
+        for _ in range(2):  # the second would be told 429, were the first still at it
+            begun.unlink(missing_ok=True)
+            with socket.create_connection(listening.getsockname()) as leaving:
+                leaving.sendall(asked)
+                wait_for(begun.exists)
+            wait_for(lambda: not workshop.at_work)
+        with socket.create_connection(listening.getsockname()) as staying:
+            staying.sendall(asked)
+            wait_for(lambda: workshop.at_work)
+            station.enter(Phase.STOPPING, "the service has stopped")
+            assert b" 503 " in staying.recv(100)
+
+
+def wait_for(true: Callable[[], bool]) -> None:
+    """Raises AssertionError when it does not become true."""
+    for _ in range(2000):
+        if true():
+            return
+        time.sleep(0.01)
+    raise AssertionError(true)
 
 
 @pytest.mark.parametrize("url", ["", "ftp://x:1", "http://", "http://host", "http://h:99999"])
