@@ -217,7 +217,7 @@ async def test_no_header_is_answered_with_a_defect(text: str, name: str) -> None
 
 def test_an_origin_that_is_no_address_is_another_page(client: TestClient) -> None:
     for origin in ("http://[", "http://[::1", "http://]", "http://\u212a"):
-        assert client.get("/v1/state", headers={"origin": origin.encode()}).status_code == 403
+        assert client.get("/v1/state", headers={b"origin": origin.encode()}).status_code == 403
 
 
 MALFORMED: tuple[bytes, ...] = (
