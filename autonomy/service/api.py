@@ -5,6 +5,7 @@ fit the contract is refused before it is looked at any closer.
 """
 
 import asyncio
+import contextlib
 import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -35,7 +36,7 @@ from hal.errors import HalError
 ORDERS_PER_S, ORDERS_BURST = 5.0, 20
 STREAMS_MAX = 16
 SUBPROTOCOL = "autonomy.v1"
-_SEND_S = 5.0
+_SEND_S, _FAREWELL_S = 5.0, 1.0
 _LOOK_S = 0.25
 """Between two looks whether the service is ending."""
 _GZIP = {"content-encoding": "gzip"}
@@ -280,8 +281,10 @@ class Api:
         try:
             async with asyncio.TaskGroup() as group:
                 sender = group.create_task(self._send(socket))
-                await _until_closed(socket)
+                reader = group.create_task(_until_closed(socket))
+                await asyncio.wait((sender, reader), return_when=asyncio.FIRST_COMPLETED)
                 sender.cancel()
+                reader.cancel()
         finally:
             self._streams -= 1
             self._metrics.streams.set(self._streams)
@@ -297,8 +300,13 @@ class Api:
                         await socket.send_text(message)
                 await asyncio.sleep(period_s)
             await socket.close(1001)
-        except (WebSocketDisconnect, RuntimeError, TimeoutError):
-            # Gone, or too slow to be shown anything: it may come back.
+        except TimeoutError:
+            # Too slow to be shown anything: its place is free, and it may come back. The farewell
+            # waits in the same line, and is not waited for: the connection ends with or without.
+            with contextlib.suppress(WebSocketDisconnect, RuntimeError, TimeoutError):
+                async with asyncio.timeout(_FAREWELL_S):
+                    await socket.close(1013, "too slow")
+        except (WebSocketDisconnect, RuntimeError):
             return
 
 

@@ -2,6 +2,7 @@
 
 import ipaddress
 import os
+import re
 import socket
 import threading
 from collections.abc import Mapping
@@ -18,6 +19,9 @@ from autonomy.service.gate import Access
 from hal.errors import PortInUse
 
 TOKEN_CHARACTERS_MIN = 20
+_TOKEN = re.compile(r"[A-Za-z0-9._~-]+")
+"""What a header and a WebSocket's subprotocol both carry as it is (RFC 3986's unreserved)."""
+_MAKE_ONE = "make one with: python3 -c 'import secrets; print(secrets.token_urlsafe(32))'"
 _START_S = 10.0
 _STOP_S = 3
 _LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
@@ -36,13 +40,18 @@ def is_loopback(host: str) -> bool:
 def access_of(config: ServiceConfig, environ: Mapping[str, str]) -> Access:
     """Who may ask a service of this configuration.
 
-    Raises BadInput when it would be reachable from elsewhere without a token worth the name.
+    Raises BadInput when it would be reachable from elsewhere without a token worth the name, and
+    for a token that a browser cannot send.
     """
     token = _token(config, environ)
     if token is not None and len(token) < TOKEN_CHARACTERS_MIN:
         raise BadInput(
-            f"the service's token is shorter than {TOKEN_CHARACTERS_MIN} characters; make one "
-            "with: python3 -c 'import secrets; print(secrets.token_urlsafe(32))'"
+            f"the service's token is shorter than {TOKEN_CHARACTERS_MIN} characters; {_MAKE_ONE}"
+        )
+    if token is not None and not _TOKEN.fullmatch(token):
+        raise BadInput(
+            "the service's token may hold letters, digits and . _ ~ - only: a browser can send "
+            f"no other; {_MAKE_ONE}"
         )
     if token is not None:
         return Access(token, None)

@@ -1,6 +1,9 @@
 // The page's two lines to the service: a stream of what is, and orders.
 
 const TOKEN_KEY = "autonomy-token";
+// Anything else cannot stand in a WebSocket's subprotocol, and no service takes it for a token.
+const SENDABLE = /^[A-Za-z0-9._~-]+$/;
+const SILENT_MS = 3000;
 
 export function token() {
   const given = new URLSearchParams(location.hash.slice(1)).get("token");
@@ -8,7 +11,13 @@ export function token() {
     localStorage.setItem(TOKEN_KEY, given);
     history.replaceState(null, "", location.pathname);
   }
-  return localStorage.getItem(TOKEN_KEY);
+  const kept = localStorage.getItem(TOKEN_KEY);
+  return kept && SENDABLE.test(kept) ? kept : null;
+}
+
+/** True when a token was given, be it one that cannot even be sent. */
+export function hasToken() {
+  return Boolean(token() ?? localStorage.getItem(TOKEN_KEY));
 }
 
 export function keepToken(value) {
@@ -60,6 +69,8 @@ export class Stream {
   constructor({ onMessage, onOpen, onLost }) {
     Object.assign(this, { onMessage, onOpen, onLost });
     this.wait = 250;
+    this.heardAt = 0;
+    setInterval(() => this.hangUpOnSilence(), 500);
     this.open();
   }
 
@@ -68,15 +79,32 @@ export class Stream {
     if (token()) protocols.push(`bearer.${token()}`);
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}/v1/stream`, protocols);
+    this.socket = socket;
     socket.onopen = () => {
+      this.heardAt = performance.now();
       this.wait = 250;
       this.onOpen();
     };
-    socket.onmessage = (event) => this.onMessage(JSON.parse(event.data));
-    socket.onclose = () => {
-      this.onLost();
-      setTimeout(() => this.open(), this.wait);
-      this.wait = Math.min(this.wait * 1.7, 3000);
+    socket.onmessage = (event) => {
+      this.heardAt = performance.now();
+      this.onMessage(JSON.parse(event.data));
     };
+    socket.onclose = () => this.lost();
+  }
+
+  /** A line that says nothing is no line: dead ones stay open for minutes. */
+  hangUpOnSilence() {
+    const { socket } = this;
+    if (socket.readyState !== WebSocket.OPEN || performance.now() - this.heardAt < SILENT_MS) return;
+    // The farewell of a dead line takes as long as its silence: not waited for.
+    socket.onmessage = socket.onclose = null;
+    socket.close();
+    this.lost();
+  }
+
+  lost() {
+    this.onLost();
+    setTimeout(() => this.open(), this.wait);
+    this.wait = Math.min(this.wait * 1.7, 3000);
   }
 }

@@ -2,7 +2,7 @@
 
 import { $, put, say } from "./elements.js";
 import { listFlights, LookBack } from "./flights.js";
-import { ask, keepToken, Stream } from "./link.js";
+import { ask, hasToken, keepToken, Stream } from "./link.js";
 import { RoomMap } from "./map.js";
 import { Scene } from "./scene.js";
 import { showWords } from "./words.js";
@@ -61,40 +61,6 @@ function showReelEvents(reel, seconds) {
 }
 
 // ---------------------------------------------------------------- what is
-
-new Stream({
-  onOpen: () => {
-    connected = true;
-    live.forget();
-    liveEvents.length = 0;
-    if (!lookBack.isOpen) {
-      map.touchGround();
-      $("events").replaceChildren();
-    }
-    flights();
-  },
-  onLost: () => {
-    connected = false;
-    // A refusal looks like a loss to a WebSocket: ask in a way that can be answered.
-    ask("GET", "/v1/room").catch((error) => { if (error.status === 401) askToken(); });
-  },
-  onMessage: (message) => {
-    const before = live.state?.phase;
-    const ground = live.take(message);
-    if (!lookBack.isOpen) {
-      if (ground) map.touchGround(); else map.draw();
-    }
-    if (message.type === "state") {
-      heardAt = performance.now();
-      show(message);
-      if (before === "flying" && message.phase !== "flying") flights();
-    } else if (message.type === "room") {
-      $("scenario").textContent = message.scenario ? `simulated: ${message.scenario}` : "";
-    } else if (message.type === "event") {
-      addEvent(message);
-    }
-  },
-});
 
 setInterval(() => {
   const stale = !connected || performance.now() - heardAt > STALE_MS;
@@ -214,9 +180,47 @@ $("ask").querySelector("form").addEventListener("submit", async (event) => {
 function askToken() {
   if ($("token-ask").open) return;
   $("token").value = "";
+  $("token-error").textContent = hasToken() ? "The token that was given is not this service's." : "";
   $("token-ask").showModal();
 }
 $("token-ask").querySelector("form").addEventListener("submit", () => {
   keepToken($("token").value.trim());
   location.reload();
+});
+
+// ---------------------------------------------------------------- the stream
+// Last: whatever comes of it, the orders above are in place.
+
+new Stream({
+  onOpen: () => {
+    connected = true;
+    live.forget();
+    liveEvents.length = 0;
+    if (!lookBack.isOpen) {
+      map.touchGround();
+      $("events").replaceChildren();
+    }
+    flights();
+  },
+  onLost: () => {
+    connected = false;
+    // A refusal looks like a loss to a WebSocket: ask in a way that can be answered.
+    ask("GET", "/v1/room").catch((error) => { if (error.status === 401) askToken(); });
+  },
+  onMessage: (message) => {
+    const before = live.state?.phase;
+    const ground = live.take(message);
+    if (!lookBack.isOpen) {
+      if (ground) map.touchGround(); else map.draw();
+    }
+    if (message.type === "state") {
+      heardAt = performance.now();
+      show(message);
+      if (before === "flying" && message.phase !== "flying") flights();
+    } else if (message.type === "room") {
+      $("scenario").textContent = message.scenario ? `simulated: ${message.scenario}` : "";
+    } else if (message.type === "event") {
+      addEvent(message);
+    }
+  },
 });

@@ -18,6 +18,7 @@ from autonomy.config import Config
 from autonomy.errors import BadInput
 from autonomy.mission.failsafe import Fault
 from autonomy.model import Ending, OperatorCommand, Outcome
+from autonomy.service import api
 from autonomy.service.api import ORDERS_BURST, Api
 from autonomy.service.contract import MissionOrder, Phase
 from autonomy.service.gate import BODY_BYTES_MAX, REQUESTS_BURST, Access, Bucket, Gate
@@ -371,6 +372,30 @@ def test_the_stream_begins_with_the_room_and_goes_on_with_the_state(client: Test
     assert kinds[0] == "room"
     assert "event" in kinds
     assert kinds[-1] == "state"
+
+
+async def test_a_watcher_who_takes_nothing_is_let_go(
+    station: Station, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(api, "_SEND_S", 0.02)
+    monkeypatch.setattr(api, "_FAREWELL_S", 0.02)
+    metrics = Metrics(station)
+    application = Api(station, metrics, Access(None), log_folder=tmp_path).application()
+    arriving: asyncio.Queue[Message] = asyncio.Queue()
+    arriving.put_nowait({"type": "websocket.connect"})
+    asked: list[Message] = []
+
+    async def send(message: Message) -> None:
+        asked.append(message)
+        if message["type"] != "websocket.accept":
+            await asyncio.Event().wait()
+
+    headers = [(b"host", b"127.0.0.1")]
+    scope = {"type": "websocket", "path": "/v1/stream", "headers": headers, "subprotocols": []}
+    await application(scope, arriving.get, send)
+    assert [message["type"] for message in asked][-1] == "websocket.close"
+    assert asked[-1]["code"] == 1013
+    assert b"autonomy_streams 0.0" in metrics.text()
 
 
 def test_the_stream_is_refused_without_a_token(station: Station, tmp_path: Path) -> None:

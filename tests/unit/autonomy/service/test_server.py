@@ -1,3 +1,4 @@
+import secrets
 import socket
 import sys
 import threading
@@ -53,6 +54,14 @@ def test_a_token_s_file_is_read_and_a_useless_one_refused(tmp_path: Path) -> Non
         access_of(config, {})
     path.write_text(TOKEN + "\n")
     assert access_of(config, {}).token == TOKEN
+
+
+@pytest.mark.parametrize("token", ["correct horse battery staple", "x" * 20 + "/", "ü" * 20])
+def test_a_token_that_a_browser_cannot_send_is_refused(token: str) -> None:
+    with pytest.raises(BadInput, match="letters, digits"):
+        access_of(ServiceConfig(), {"AUTONOMY_TOKEN": token})
+    made = secrets.token_urlsafe(32)
+    assert access_of(ServiceConfig(), {"AUTONOMY_TOKEN": made}).token == made
 
 
 def test_systemd_s_token_is_used_beyond_loopback_only(tmp_path: Path) -> None:
