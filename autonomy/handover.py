@@ -31,6 +31,8 @@ def hand_over(options: FlyOptions, holder: Holder, progress: Progress) -> Flight
     client = Client(holder.api, os.environ.get("AUTONOMY_TOKEN"))
     record = client.create(order_of(options))
     progress.note(f"handed to {holder}: mission {record.id}, flown with its configuration")
+    if options.log_dir is not None or not options.log:
+        progress.note("the service keeps the log, where it keeps them all: see its log.directory")
     with _interrupts(client, progress):
         for frame in client.follow(record.id):
             if frame.command is not None:

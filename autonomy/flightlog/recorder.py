@@ -94,7 +94,7 @@ class FlightRecorder:
         except OSError as error:
             raise BadInput(
                 f"{path}: the flight log cannot be created ({error.strerror}); "
-                "choose another place with --log-dir, or fly with --no-log"
+                "choose another place with --log-dir or log.directory"
             ) from None
         hold_for_writing(self._file.fileno())
         self._thread = threading.Thread(target=self._run, args=(header,), name="flight-recorder")
@@ -120,7 +120,7 @@ class FlightRecorder:
         except OSError as error:
             raise BadInput(
                 f"{folder}: cannot be used for flight logs ({error.strerror}); "
-                "choose another place with --log-dir, or fly with --no-log"
+                "choose another place with --log-dir or log.directory"
             ) from None
         now = datetime.now(UTC)
         world = Path(scenario).stem if scenario else ""

@@ -84,6 +84,8 @@ def timeline_svg(history: History) -> str:
     near.set_xlabel("seconds since the first tick")
     near.set_ylim(bottom=0.0)
     for axes in (fast, near):
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high + 0.25 * (high - low))  # room for the legend
         axes.legend(loc="upper left", fontsize=8, frameon=False, ncols=3)
     _mark_guard(fast, history)
     return _svg(figure)

@@ -1,5 +1,6 @@
 """One flight as one self-contained HTML page: nothing is fetched, it opens from a memory stick."""
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from itertools import pairwise
@@ -25,27 +26,39 @@ from autonomy.review.ulog import Beside
 from hal.vehicle.guard import WORDS
 
 _STYLE = """
-:root { color-scheme: light; --ink: #16191d; --quiet: #5c6672; --line: #d7dce2; --good: #187a3f;
-  --bad: #c0261c; --panel: #ffffff; --ground: #f4f5f7; }
+:root { color-scheme: light dark; --ink: #16191d; --quiet: #5c6672; --line: #d7dce2;
+  --good: #187a3f; --bad: #c0261c; --panel: #ffffff; --ground: #f4f5f7; }
+@media screen and (prefers-color-scheme: dark) {
+  :root { --ink: #e8ebef; --quiet: #98a3b0; --line: #2c333c; --good: #4cc27c; --bad: #ff6b5e;
+    --panel: #181c22; --ground: #101317; }
+}
 * { box-sizing: border-box; }
 body { margin: 0; background: var(--ground); color: var(--ink);
   font: 15px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
-main { max-width: 72rem; margin: 0 auto; padding: 1.25rem; display: grid; gap: 1rem; }
+main { max-width: 72rem; margin: 0 auto; padding: 1.25rem; display: grid;
+  grid-template-columns: minmax(0, 1fr); gap: 1rem; }
 section { background: var(--panel); border: 1px solid var(--line); border-radius: .6rem;
   padding: 1rem 1.2rem; overflow-x: auto; }
 h1 { font-size: 1.35rem; margin: 0; } h2 { font-size: 1.05rem; margin: 0 0 .6rem; }
 p { margin: .2rem 0 .6rem; } .quiet { color: var(--quiet); }
 .good { color: var(--good); } .bad { color: var(--bad); } .word { font-weight: 700; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
-td:not(:last-child) { white-space: nowrap; } td:last-child { overflow-wrap: anywhere; }
+td { overflow-wrap: break-word; } td.number { white-space: nowrap; }
 td, th { text-align: left; vertical-align: top; padding: .25rem .8rem .25rem 0;
   border-bottom: 1px solid var(--line); }
 th { color: var(--quiet); font-weight: 600; font-size: .85rem; }
-.two { display: grid; grid-template-columns: repeat(auto-fit, minmax(20rem, 1fr)); gap: 1rem; }
+.two { display: grid; gap: 1rem;
+  grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr)); }
 .barcodes { display: flex; flex-wrap: wrap; gap: 1rem; } figure { margin: 0; }
 figcaption { font-size: .85rem; color: var(--quiet); max-width: 16rem; }
-svg { max-width: 100%; height: auto; }
+svg { max-width: 100%; height: auto; background: #ffffff; border-radius: .3rem; }
+@media (max-width: 40rem) {
+  main { padding: .6rem; } section { padding: .8rem; } td, th { padding-right: .5rem; }
+}
 """
+
+_NUMBER = re.compile(r"[-+.\d]+(e[-+]?\d+)?( to [.\d]+)?( [^\s\d]{1,5})?")
+"""A quantity with its unit, or a stretch of time: torn apart it would be read wrong."""
 
 _PAGE = Template("""<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
@@ -313,5 +326,9 @@ def _html_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     lines = ["<table>"]
     if head:
         lines.append("<tr>" + "".join(f"<th>{escape(cell)}</th>" for cell in head) + "</tr>")
-    lines.extend("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+    lines.extend("<tr>" + "".join(map(_cell, row)) + "</tr>" for row in rows)
     return "".join((*lines, "</table>"))
+
+
+def _cell(cell: str) -> str:
+    return f'<td class="number">{cell}</td>' if _NUMBER.fullmatch(cell) else f"<td>{cell}</td>"

@@ -65,7 +65,7 @@ class Client:
             connection.request("GET", f"/v1/missions/{mission_id}/follow", headers=self._headers)
             response = connection.getresponse()
             if response.status != 200:
-                raise BadInput(_problem(response.read(), response.status))
+                raise BadInput(self._refusal(response.read(), response.status))
             for frame in read_frames(response.read):
                 over = frame.record is not None
                 yield frame
@@ -90,11 +90,20 @@ class Client:
         finally:
             connection.close()
         if response.status >= 400:
-            raise BadInput(_problem(answer, response.status))
+            raise BadInput(self._refusal(answer, response.status))
         try:
             return msgspec.json.decode(answer, type=kind)
         except msgspec.DecodeError as error:
             raise BadInput(f"{self.url} does not answer like this service ({error})") from None
+
+    def _refusal(self, answer: bytes, status: int) -> str:
+        if status != 401:
+            return _problem(answer, status)
+        said = "does not take this token" if self._headers else "wants a token"
+        return (
+            f"the service at {self.url} {said}: set AUTONOMY_TOKEN to its token (an installed "
+            "one's: sudo cat /etc/autonomy/token)"
+        )
 
     def _gone(self, error: Exception) -> NoService:
         return NoService(

@@ -113,7 +113,7 @@ function told(log) {
   const report = log.report;
   if (!report) return `${when}: ${log.name}`;
   return `${when}: ${report.ending.replaceAll("_", " ")}, ${report.path_length_m.toFixed(1)} m in ` +
-    `${report.flight_time_s.toFixed(0)} s, ${report.stops} stops. ${report.why}`;
+    `${report.flight_time_s.toFixed(0)} s, ${report.stops} ${report.stops === 1 ? "stop" : "stops"}. ${report.why}`;
 }
 
 /** The list of past flights, each with what can be had of it. */

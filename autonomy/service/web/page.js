@@ -66,6 +66,8 @@ setInterval(() => {
   const stale = !connected || performance.now() - heardAt > STALE_MS;
   $("map").classList.toggle("stale", stale && !lookBack.isOpen);
   $("link-lost").hidden = !stale;
+  // What was true when the line broke may be true no more.
+  $("phase").hidden = stale && live.state !== null;
   $("link-lost").textContent = connected ? "no news from the service" : "no connection to the service";
 }, 250);
 
@@ -74,6 +76,18 @@ function show(state) {
   put("phase", state.phase, `pill ${state.phase}`);
   put("hold", held() ? "Go on" : "Hold", "land");
   if (!lookBack.isOpen) showWords(state);
+}
+
+/** How the last mission ended stays to be read when the service has gone on to being ready. */
+async function showLastEnding(phase) {
+  $("last-ending").hidden = true;
+  if (phase === "flying") return;
+  const missions = await ask("GET", "/v1/missions").catch(() => []);
+  const over = missions.filter((mission) => mission.ending);
+  if (!over.length || live.state?.phase === "flying") return;
+  const last = over.reduce((a, b) => (b.created_utc > a.created_utc ? b : a));
+  put("last-ending", `Last mission: ${last.ending.replaceAll("_", " ")}. ${last.why}`, "quiet small");
+  $("last-ending").hidden = false;
 }
 
 function timeOf(text, stamp) {
@@ -92,6 +106,10 @@ function eventItem(event) {
 function addEvent(event) {
   liveEvents.unshift(event);
   liveEvents.length = Math.min(liveEvents.length, EVENTS_SHOWN);
+  if (unanswered) {
+    unanswered = false;
+    say(event.name === "refused" ? event.why : "", event.name === "refused");
+  }
   if (lookBack.isOpen) return;
   const list = $("events");
   list.prepend(eventItem(event));
@@ -100,11 +118,16 @@ function addEvent(event) {
 
 // ---------------------------------------------------------------- orders
 
+// What comes of an order is an event, which takes the place of "asked".
+let unanswered = false;
+
 async function order(name) {
+  unanswered = true;
+  say(`${name}: asked`);
   try {
     await ask("POST", `/v1/${name}`);
-    say(`${name}: on its way to the vehicle`);
   } catch (error) {
+    unanswered = false;
     if (error.status === 401) askToken();
     say(error.status ? error.message : `${name} did not reach the service: ${error.message}`, true);
   }
@@ -216,6 +239,7 @@ new Stream({
     if (message.type === "state") {
       heardAt = performance.now();
       show(message);
+      if (before !== message.phase) showLastEnding(message.phase);
       if (before === "flying" && message.phase !== "flying") flights();
     } else if (message.type === "room") {
       $("scenario").textContent = message.scenario ? `simulated: ${message.scenario}` : "";

@@ -67,6 +67,8 @@ function beams(found) {
   });
 }
 
+const sentence = (words) => words.charAt(0).toUpperCase() + words.slice(1);
+
 function faults(state) {
   const found = state.faults ?? [];
   $("faults-box").hidden = !found.length;
@@ -74,9 +76,9 @@ function faults(state) {
   found.forEach((fault, index) => {
     const often = fault.times > 1 ? `, ${fault.times} times` : "";
     const ago = Math.max(0, state.time_s - fault.last_s);
-    const when = fault.active ? `now: ${fault.response}` : `over for ${ago.toFixed(0)} s`;
+    const when = fault.active ? `now: ${fault.response}` : `ended ${ago.toFixed(0)} s ago`;
     write(items[index].children[0], fault.name.replaceAll("_", " "), fault.active ? "sick" : "");
-    write(items[index].children[1], ` ${when}${often}. ${fault.words}.`);
+    write(items[index].children[1], ` ${when}${often}. ${sentence(fault.words)}.`);
   });
 }
 

@@ -209,4 +209,4 @@ def test_a_place_for_logs_that_cannot_be_written_is_told_before_anything_starts(
     assert result.exit_code == ExitCode.BAD_INPUT, result.output
     (sentence,) = result.stderr.splitlines()
     assert sentence.startswith(f"autonomy: {place}: cannot be used for flight logs")
-    assert "choose another place with --log-dir, or fly with --no-log" in sentence
+    assert "choose another place with --log-dir or log.directory" in sentence

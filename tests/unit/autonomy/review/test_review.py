@@ -212,6 +212,14 @@ def test_the_page_is_one_file_that_fetches_nothing(history: History) -> None:
     assert not re.search(r"@import|url\((?!#)", text)
 
 
+def test_only_quantities_are_kept_on_one_line(history: History) -> None:
+    text = page_of(history, report_of_log(history.path))
+    whole = re.findall(r'<td class="number">(.*?)</td>', text)
+    assert len(whole) > len(history.replans)
+    assert max(map(len, whole)) < 25
+    assert not re.search(r"<td>[\d.]+ (s|ms|m|%)</td>", text)
+
+
 def test_px4s_own_log_is_laid_beside_it_on_the_page(history: History, tmp_path: Path) -> None:
     """A log whose clock says nothing of ours: the positions bring the two together."""
     ulog = as_px4_saw_it(FlightLog.open(history.path), tmp_path / "a.ulg", boot_s=-321.5)

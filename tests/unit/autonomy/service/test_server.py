@@ -131,6 +131,19 @@ def wait_for(true: Callable[[], bool]) -> None:
     raise AssertionError(true)
 
 
+def test_a_client_without_the_token_is_told_where_to_find_it(tmp_path: Path) -> None:
+    station = Station(Config(), accept)
+    api = Api(station, Metrics(station), Access(TOKEN), log_folder=tmp_path)
+    listening = listening_socket("127.0.0.1", 0)
+    url = url_of(listening)
+    with WebServer(api.application(), listening):
+        with pytest.raises(BadInput, match=r"wants a token: set AUTONOMY_TOKEN .*sudo cat"):
+            Client(url).state()
+        with pytest.raises(BadInput, match="does not take this token"):
+            Client(url, "y" * 20).state()
+        assert Client(url, TOKEN).state().why == "starting"
+
+
 @pytest.mark.parametrize("url", ["", "ftp://x:1", "http://", "http://host", "http://h:99999"])
 def test_an_address_that_is_none_is_refused(url: str) -> None:
     with pytest.raises(BadInput, match="not a service's address"):
