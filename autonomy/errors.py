@@ -23,6 +23,7 @@ class ExitCode(IntEnum):
     FAILSAFE = 11  # sensor, estimator, battery or autopilot fault ended the mission
     BUDGET = 12  # time limit of the mission used up
     TAKEN_OVER = 13  # a pilot or PX4 left offboard mode; the service let go
+    NOT_NOW = 14  # port, address or vehicle is another's, or not there yet; later it may be
 
 
 class AutonomyError(Exception):
@@ -35,6 +36,12 @@ class BadInput(AutonomyError):
     """A file, key or value cannot be used; nothing was changed."""
 
     exit_code = ExitCode.BAD_INPUT
+
+
+class NotNow(BadInput):
+    """The same may work later: a port or a vehicle is another's, an address is not there yet."""
+
+    exit_code = ExitCode.NOT_NOW
 
 
 class Stalled(AutonomyError):

@@ -27,6 +27,7 @@ from autonomy.flightlog.schema import (
     Tick,
     decode,
 )
+from autonomy.geometry import Point
 from autonomy.model import Command, Decision, Inputs, Resumed
 from hal.frames import Vector3
 from hal.readings import StatusText
@@ -113,6 +114,15 @@ class FlightLog:
             if isinstance(record, RouteRecord):
                 return record.resumed
         return None
+
+    def offset_ne_m(self) -> Point:
+        """Where the take-off point lies in the frame of the service that flew it; (0, 0) without
+        a service, and in logs from before it was recorded.
+        """
+        for _, _, record in self._messages():
+            if isinstance(record, RouteRecord):
+                return record.offset_ne_m
+        return (0.0, 0.0)
 
     def texts(self) -> Iterator[StatusText]:
         """What the autopilot wrote during the flight, oldest first."""

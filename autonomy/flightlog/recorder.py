@@ -33,6 +33,7 @@ from autonomy.flightlog.schema import (
     encode,
     json_schema,
 )
+from autonomy.geometry import Point
 from autonomy.model import Command, Inputs, Resumed
 from hal.frames import Vector3
 from hal.readings import StatusText
@@ -163,9 +164,16 @@ class FlightRecorder:
             )
         return tuple(sentences)
 
-    def route(self, goals_ned_m: tuple[Vector3, ...], resumed: Resumed | None = None) -> None:
-        """Record where the flight goes, or goes on; returns at once and never raises."""
-        self._put([("route", 0, 0.0, RouteRecord(goals_ned_m, resumed))])
+    def route(
+        self,
+        goals_ned_m: tuple[Vector3, ...],
+        resumed: Resumed | None = None,
+        offset_ne_m: Point = (0.0, 0.0),
+    ) -> None:
+        """Record where the flight goes, or goes on, and where its frame begins in a service's;
+        returns at once and never raises.
+        """
+        self._put([("route", 0, 0.0, RouteRecord(goals_ned_m, resumed, offset_ne_m))])
 
     def tick(self, inputs: Inputs, command: Command, step_s: float) -> None:
         """Record one step of the control loop; returns at once and never raises."""

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from autonomy.geometry import Point
 from autonomy.model import Command, Decision, GuardReport, Inputs, Resumed
 from hal.frames import Vector3
 from hal.readings import StatusText
@@ -56,6 +57,8 @@ class RouteRecord(msgspec.Struct, frozen=True):
     goals_ned_m: tuple[Vector3, ...]
     resumed: Resumed | None = None
     """Where an interrupted mission went on, for a flight that began in the air."""
+    offset_ne_m: Point = (0.0, 0.0)
+    """Where the take-off point lies in the frame of the service that was given the goals."""
 
 
 class GuardRecord(msgspec.Struct, frozen=True):

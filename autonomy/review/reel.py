@@ -5,6 +5,8 @@ The log is flown again, for it does not hold the map, and put before a watcher a
 
 from pathlib import Path
 
+import msgspec
+
 from autonomy.errors import NotReplayable
 from autonomy.flightlog.reader import FlightLog
 from autonomy.geometry import Point
@@ -30,7 +32,7 @@ FRAMES_MAX = 3000
 
 
 def reel_of(path: Path) -> Reel:
-    """The flight recorded at `path`, in the mission's own frame.
+    """The flight recorded at `path`, in the frame of the service that flew it.
 
     Raises NotReplayable when there is nothing to fly, DocumentError when its configuration is
     refused.
@@ -41,10 +43,14 @@ def reel_of(path: Path) -> Reel:
     start_s: float | None = None
     clock = _Clock()
     station = Station(config, lambda _: None, clock.read)
-    goals: tuple[Point, ...] = tuple((goal[0], goal[1]) for goal in route)
-    station.begin(FlownMission(path.stem, goals, (0.0, 0.0)))
+    offset = log.offset_ne_m()
+    goals = _moved(tuple((goal[0], goal[1]) for goal in route), offset)
+    station.begin(FlownMission(path.stem, goals, offset))
     station.enter(Phase.FLYING, "the flight begins")
-    cursor = Cursor(station, view.room(config, log.header.scenario or None, token_required=False))
+    room = view.room(config, log.header.scenario or None, token_required=False)
+    # The recorded fence is in the mission's frame.
+    room = msgspec.structs.replace(room, fence=_moved(room.fence, offset))
+    cursor = Cursor(station, room)
     frames: list[ReelFrame] = []
     period_s, at_s = PERIOD_S, 0.0
     for tick in log:
@@ -71,6 +77,10 @@ class _Clock:
 
     def read(self) -> str:
         return f"{self.at_s:.2f}"
+
+
+def _moved(points: tuple[Point, ...], offset: Point) -> tuple[Point, ...]:
+    return tuple((north + offset[0], east + offset[1]) for north, east in points)
 
 
 def _half(frames: list[ReelFrame]) -> list[ReelFrame]:

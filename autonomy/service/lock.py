@@ -16,7 +16,7 @@ from typing import Self
 
 import msgspec
 
-from autonomy.errors import BadInput
+from autonomy.errors import BadInput, NotNow
 
 SYSTEM_FOLDER = Path("/run/autonomy")
 """Made by the systemd unit (RuntimeDirectory); every pilot of the machine meets here."""
@@ -44,7 +44,7 @@ class Holder(msgspec.Struct, frozen=True):
         return f"{self.what} (process {self.pid}, since {self.since_utc}){where}"
 
 
-class VehicleHeld(BadInput):
+class VehicleHeld(NotNow):
     """Another process flies this vehicle; `holder` is who, None when it left no name."""
 
     def __init__(self, connection: str, holder: Holder | None) -> None:

@@ -1,5 +1,6 @@
 """The web side's own thread: its own event loop and socket, never in the control loop's way."""
 
+import errno
 import ipaddress
 import os
 import re
@@ -14,7 +15,7 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from autonomy.config import ServiceConfig
-from autonomy.errors import AutonomyError, BadInput
+from autonomy.errors import AutonomyError, BadInput, NotNow
 from autonomy.service.gate import Access
 from hal.errors import PortInUse
 
@@ -25,6 +26,10 @@ _MAKE_ONE = "make one with: python3 -c 'import secrets; print(secrets.token_urls
 _START_S = 10.0
 _STOP_S = 3
 _LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
+
+
+class PortTaken(NotNow, PortInUse):
+    """Another process listens there."""
 
 
 def is_loopback(host: str) -> bool:
@@ -84,18 +89,22 @@ def _token(config: ServiceConfig, environ: Mapping[str, str]) -> str | None:
 
 
 def listening_socket(host: str, port: int) -> socket.socket:
-    """A socket that listens; raises PortInUse, or BadInput for an address that is not ours."""
+    """A socket that listens; raises PortTaken, NotNow for an address that this machine
+    does not have (yet), BadInput for one that it must not use.
+    """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         return socket.create_server((host, port), family=family, reuse_port=False)
     except OSError as error:
-        if error.errno in (98, 48):
-            raise PortInUse(
+        if error.errno == errno.EADDRINUSE:
+            raise PortTaken(
                 f"port {port} on {host} is taken by another process; choose one with --port"
             ) from None
-        raise BadInput(
-            f"cannot listen on {host}:{port} ({os.strerror(error.errno or 0)})"
-        ) from None
+        unknown = isinstance(error, socket.gaierror)
+        why = error.strerror if unknown else os.strerror(error.errno or 0)
+        # At a computer's start its network comes after this service.
+        later = unknown or error.errno == errno.EADDRNOTAVAIL
+        raise (NotNow if later else BadInput)(f"cannot listen on {host}:{port} ({why})") from None
 
 
 def url_of(listening: socket.socket) -> str:

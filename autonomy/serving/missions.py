@@ -145,7 +145,7 @@ class Missions:
         )
         watch.flight = flight
         if recorder is not None:
-            recorder.route(planned.route, planned.resumed)
+            recorder.route(planned.route, planned.resumed, planned.offset)
         self.flight = flight
         if parts.ending.is_set():
             flight.command(OperatorCommand.STOP)

@@ -5,6 +5,12 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import pytest
+
+from autonomy.cli import refusal
+from autonomy.errors import BadInput, ExitCode, NotNow
+from autonomy.service.lock import VehicleHeld
+from autonomy.service.server import listening_socket
 from tools.deploy.__main__ import GROUPS
 
 PROJECT = Path(__file__).parents[3]
@@ -30,6 +36,22 @@ def test_the_rules_give_the_devices_to_the_groups_that_the_service_is_in() -> No
     assert set(re.findall(r"tty[A-Z]+", rules)) == SERIAL
     assert set(re.findall(r'GROUP="(\w+)"', rules)) == set(GROUPS)
     assert values("SupplementaryGroups") == [" ".join(GROUPS)]
+
+
+def test_a_refused_configuration_ends_it_and_what_may_come_later_does_not() -> None:
+    final = {int(code) for line in values("RestartPreventExitStatus") for code in line.split()}
+    assert final == {ExitCode.USAGE, BadInput.exit_code}
+    assert VehicleHeld.exit_code not in final
+    with listening_socket("127.0.0.1", 0) as taken:
+        for host, port in (("127.0.0.1", taken.getsockname()[1]), ("203.0.113.1", 0)):
+            with pytest.raises(NotNow) as refused:
+                listening_socket(host, port)
+            assert refusal(refused.value)[1] == ExitCode.NOT_NOW
+    assert ExitCode.NOT_NOW not in final
+
+
+def test_the_unit_s_first_lines_say_how_to_install_it() -> None:
+    assert "python3 -m tools.deploy install" in UNIT.read_text(encoding="utf-8")[:200]
 
 
 def test_systemd_understands_the_unit_where_it_is_installed() -> None:

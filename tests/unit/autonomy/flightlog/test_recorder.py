@@ -18,7 +18,7 @@ from autonomy.errors import BadInput, NotReplayable
 from autonomy.flightlog import recorder as recording
 from autonomy.flightlog.reader import FlightLog, replay
 from autonomy.flightlog.recorder import FlightRecorder
-from autonomy.flightlog.schema import FlightHeader
+from autonomy.flightlog.schema import FlightHeader, RouteRecord, decode
 from autonomy.model import GuardReport, OperatorCommand
 from hal.readings import StatusText
 from tests.unit.autonomy.flightlog.records import plain_inputs, plain_step
@@ -50,6 +50,15 @@ def test_a_flight_is_read_as_it_was_recorded(tmp_path: Path) -> None:
     assert ticks[42].command == plain_step(ticks[42].inputs)
     assert ticks[42].step_s == 1e-4
     assert log.damage is None
+
+
+def test_where_the_flight_began_in_its_service_s_frame_is_kept(tmp_path: Path) -> None:
+    with FlightRecorder(tmp_path / "b.mcap", HEADER, wait_when_full=True) as recorder:
+        recorder.route(ROUTE, None, (0.6, -0.35))
+    assert FlightLog.open(recorder.path).offset_ne_m() == (0.6, -0.35)
+    assert FlightLog.open(record(tmp_path / "a.mcap", 1).path).offset_ne_m() == (0.0, 0.0)
+    old = decode(b'{"goals_ned_m": [[4, 3, -1]]}', RouteRecord)
+    assert old.offset_ne_m == (0.0, 0.0)
 
 
 def test_other_programs_can_read_the_file(tmp_path: Path) -> None:

@@ -6,11 +6,12 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -18,6 +19,7 @@ from autonomy.cli import main
 from autonomy.config import GuidanceConfig
 from autonomy.errors import BadInput, ExitCode
 from autonomy.flightlog.reader import FlightLog
+from autonomy.flightlog.recorder import FlightRecorder
 from autonomy.logbook import report_of_log
 from autonomy.model import (
     BeamDoubt,
@@ -35,7 +37,7 @@ from autonomy.review.history import History, Moment, history_of
 from autonomy.review.invariants import PATH_STATES, Verdict, check
 from autonomy.review.page import guard_stretches, page_of
 from autonomy.review.reel import PERIOD_S, reel_of
-from autonomy.service.contract import EventView, Hits, PlanView, Reel, State, Track
+from autonomy.service.contract import EventView, Hits, PlanView, Reel, Room, State, Track
 from hal.readings import FlightMode
 from hal.vehicle import guard
 from tests.support.recorded import fly
@@ -366,6 +368,30 @@ def test_a_reel_shows_the_flight_as_it_was_told_live(history: History) -> None:
     assert state.flight is not None
     assert state.flight.state == "done"
     assert {plan.environment for plan in told if isinstance(plan, PlanView)} <= set(Environment)
+
+
+def test_a_reel_lies_where_the_service_flew_it(history: History, tmp_path: Path) -> None:
+    log = FlightLog.open(history.path)
+    reels = []
+    for name, offset in (("first", (0.0, 0.0)), ("second", (0.6, -0.35))):
+        path = tmp_path / f"{name}.mcap"
+        with FlightRecorder(path, log.header, wait_when_full=True) as recorder:
+            recorder.route(log.route(), log.resumed(), offset)
+            for tick in islice(log, 300):
+                recorder.tick(tick.inputs, tick.command, tick.step_s)
+        reels.append(reel_of(path))
+    places = [
+        [
+            *(p for m in told if isinstance(m, Room) for p in m.fence),
+            *(p for m in told if isinstance(m, Track) for p in m.points),
+            *(p for m in told if isinstance(m, State) and m.flight for p in m.flight.goals),
+            *(m.vehicle.position for m in told if isinstance(m, State) and m.vehicle),
+        ]
+        for told in ([m for frame in reel.frames for m in frame.messages] for reel in reels)
+    ]
+    first, second = (np.asarray([point[:2] for point in each]) for each in places)
+    assert len(first) > 100
+    assert second - first == pytest.approx(np.tile((0.6, -0.35), (len(first), 1)))
 
 
 def test_a_long_flight_has_fewer_frames_and_loses_no_event(
