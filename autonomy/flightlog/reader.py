@@ -40,6 +40,7 @@ _DAMAGE = (
     struct.error,
     UnicodeDecodeError,
     MemoryError,
+    OverflowError,
 )
 
 
