@@ -200,22 +200,23 @@ def test_two_flights_in_one_second_have_two_files(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """A log of several chunks."""
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of several chunks; its bytes are too many to be shown with a failing example."""
     path = tmp_path_factory.mktemp("log") / "a.mcap"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(recording, "FLUSH_S", 0.0)
         record(path, 30)
-    return path.read_bytes()
+    return path
 
 
 @settings(deadline=None, max_examples=150)
 @given(cut=st.floats(0.0, 1.0, exclude_max=True))
 def test_a_log_cut_anywhere_is_read_up_to_the_cut(
-    finished: bytes, tmp_path_factory: pytest.TempPathFactory, cut: float
+    finished: Path, tmp_path_factory: pytest.TempPathFactory, cut: float
 ) -> None:
+    whole = finished.read_bytes()
     path = tmp_path_factory.mktemp("cut") / "a.mcap"
-    path.write_bytes(finished[: int(cut * len(finished))])
+    path.write_bytes(whole[: int(cut * len(whole))])
     try:
         log = FlightLog.open(path)
     except NotReplayable:
@@ -226,11 +227,11 @@ def test_a_log_cut_anywhere_is_read_up_to_the_cut(
     assert all(tick.command == plain_step(tick.inputs) for tick in ticks)
 
 
-def test_a_length_beyond_all_memory_is_damage(finished: bytes, tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    tops = [at for at in range(7, len(finished)) if not any(finished[at - 4 : at + 1])]
+def test_a_length_beyond_all_memory_is_damage(finished: Path, tmp_path: Path) -> None:
+    path, whole = tmp_path / "a.mcap", finished.read_bytes()
+    tops = [at for at in range(7, len(whole)) if not any(whole[at - 4 : at + 1])]
     for at in tops[:100]:
-        path.write_bytes(finished[:at] + b"\x80" + finished[at + 1 :])
+        path.write_bytes(whole[:at] + b"\x80" + whole[at + 1 :])
         try:
             assert all(tick.command == plain_step(tick.inputs) for tick in FlightLog.open(path))
         except NotReplayable as refused:
@@ -240,10 +241,10 @@ def test_a_length_beyond_all_memory_is_damage(finished: bytes, tmp_path: Path) -
 @settings(deadline=None, max_examples=150)
 @given(where=st.floats(0.0, 1.0, exclude_max=True), flip=st.integers(1, 255))
 def test_a_damaged_log_never_gives_a_wrong_tick(
-    finished: bytes, tmp_path_factory: pytest.TempPathFactory, where: float, flip: int
+    finished: Path, tmp_path_factory: pytest.TempPathFactory, where: float, flip: int
 ) -> None:
-    damaged = bytearray(finished)
-    damaged[int(where * len(finished))] ^= flip
+    damaged = bytearray(finished.read_bytes())
+    damaged[int(where * len(damaged))] ^= flip
     path = tmp_path_factory.mktemp("damaged") / "a.mcap"
     path.write_bytes(damaged)
     try:
