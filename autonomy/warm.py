@@ -33,10 +33,18 @@ def warm_up(note: Callable[[str], None] | None = None) -> None:
         doubt.warm_up()
         planner.warm_up()
     compiling.finish()
-    # What is loaded by now stays. To look through it for garbage takes longer than a tick, and
-    # came once or twice in a flight.
-    gc.freeze()
+    keep_what_is_loaded()
     atexit.register(gc.unfreeze)  # some libraries complain of what is left at the end
+
+
+def keep_what_is_loaded() -> None:
+    """What lives by now lives to the end: the garbage collector looks through it no more.
+
+    That took longer than a tick, once or twice in a flight. What the compiler left is garbage:
+    it is collected first, or it would be kept, too.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 class _Compiling(event.Listener):  # type: ignore[misc, unused-ignore]  # numba is untyped

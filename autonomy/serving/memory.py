@@ -1,10 +1,11 @@
 """A small computer's memory: what starting needed and flying does not is given back."""
 
 import ctypes
-import gc
 import mmap
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+
+from autonomy.warm import keep_what_is_loaded
 
 _COMPILER = "libllvmlite"
 _MAPS = Path("/proc/self/maps")
@@ -14,10 +15,9 @@ def settle() -> None:
     """After everything was loaded and compiled, and before anything flies.
 
     The compiler's code (70 MB) is dropped from this process; the kernel brings back what is called
-    again. What lives now lives to the end: the garbage collector looks at it no more.
+    again. What was loaded since the warm-up is kept like the rest.
     """
-    gc.collect()
-    gc.freeze()
+    keep_what_is_loaded()
     drop_code(_MAPS.read_text(encoding="utf-8", errors="replace").splitlines())
 
 
