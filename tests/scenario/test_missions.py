@@ -12,6 +12,7 @@ from autonomy.simulation import SimulatedFlight, Simulation, goal_of, with_scena
 from hal.frames import add
 from hal.sim.scenario import load_scenario, shipped_scenarios
 from hal.vehicle.guard import BeamSight, Guard, Sight
+from tools.bench.rooms import shipped_config
 
 SEEDS = 20
 SIDE_CHANGES_MAX = 5
@@ -31,7 +32,7 @@ def flights(names: Iterable[str]) -> list[tuple[str, int]]:
 @cache
 def flown(name: str, seed: int, mode: str = "stop") -> SimulatedFlight:
     scenario = load_scenario(name)
-    config = with_scenario(Config.model_validate({"mission": {"replan": {"mode": mode}}}), scenario)
+    config = shipped_config(scenario, mode)
     simulation = Simulation(scenario, config, (goal_of(scenario, config),), seed)
     keep = seed == 0 or (name, mode) == ("default", "rolling")
     return simulation.run(keep_commands=keep)

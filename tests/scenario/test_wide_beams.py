@@ -2,9 +2,9 @@
 
 import pytest
 
-from autonomy.config import Config
-from autonomy.simulation import SimulatedFlight, Simulation, goal_of, with_scenario
+from autonomy.simulation import SimulatedFlight, Simulation, goal_of
 from hal.sim.scenario import load_scenario
+from tools.bench.rooms import shipped_config
 
 HALF_ANGLE_DEG = 12.5
 
@@ -13,8 +13,7 @@ def fly(name: str, mode: str) -> SimulatedFlight:
     scenario = load_scenario(name)
     cone = scenario.beams.model_copy(update={"half_angle_deg": HALF_ANGLE_DEG})
     scenario = scenario.model_copy(update={"beams": cone})
-    asked = Config.model_validate({"mission": {"replan": {"mode": mode}}})
-    config = with_scenario(asked, scenario)
+    config = shipped_config(scenario, mode)
     return Simulation(scenario, config, (goal_of(scenario, config),)).run()
 
 

@@ -10,10 +10,10 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 from autonomy.config import Config
-from autonomy.simulation import Simulation, goal_of, with_scenario
+from autonomy.simulation import Simulation, goal_of
 from autonomy.warm import warm_up
 from hal.sim.scenario import Scenario, load_scenario, shipped_scenarios
-from tools.bench.rooms import SENSING_M, passage_m, room
+from tools.bench.rooms import SENSING_M, passage_m, room, shipped_config
 
 OPEN_ROOMS, CLOSED_ROOMS = "open rooms", "closed rooms"
 
@@ -49,7 +49,7 @@ def scenario_of(name: str, seed: int) -> Scenario:
 def fly(scenario_name: str, seed: int, mode: str) -> Row:
     """One flight of a scenario to its suggested goal."""
     scenario = scenario_of(scenario_name, seed)
-    config = with_scenario(Config.model_validate({"mission": {"replan": {"mode": mode}}}), scenario)
+    config = shipped_config(scenario, mode)
     flight = Simulation(scenario, config, (goal_of(scenario, config),), seed).run()
     return Row(
         scenario_name,

@@ -32,6 +32,11 @@ OUTLINE_M = 0.01
 _BISECTIONS = 12
 
 
+def shipped_config(scenario: Scenario, mode: str) -> Config:
+    """The configuration as shipped, in this room and mode of replanning."""
+    return with_scenario(Config.model_validate({"mission": {"replan": {"mode": mode}}}), scenario)
+
+
 def room(number: int, *, closed: bool = False, seed: int = 0) -> Scenario:
     """Room `number` of family `seed`. `closed`: the goal stands in a chamber without a door.
 

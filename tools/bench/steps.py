@@ -14,15 +14,16 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from autonomy.config import Config, PlannerConfig
+from autonomy.config import PlannerConfig
 from autonomy.geometry import Point
 from autonomy.model import Command, NoPlan, Plan
-from autonomy.simulation import Simulation, goal_of, with_scenario
+from autonomy.simulation import Simulation, goal_of
 from autonomy.t3drm.planner import Planner
 from hal.config import Fence
 from hal.sim.scenario import Disc, Scenario, SimObstacle, Wall, load_scenario, shipped_scenarios
 from tools.bench.baselines.interface import timed
 from tools.bench.maps import BARN_RADIUS_M, Map
+from tools.bench.rooms import shipped_config
 
 Floats = NDArray[np.float64]
 
@@ -71,7 +72,7 @@ def random_questions(count: int) -> Iterator[tuple[str, Question]]:
 
 def flown_questions(scenario: Scenario, seed: int, mode: str) -> list[Question]:
     """The questions that one flight of a scenario came to."""
-    config = with_scenario(Config.model_validate({"mission": {"replan": {"mode": mode}}}), scenario)
+    config = shipped_config(scenario, mode)
     goal = goal_of(scenario, config)
     found: list[Question] = []
 

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import msgspec
 
-from autonomy.config import Config
-from autonomy.simulation import Simulation, goal_of, with_scenario
+from autonomy.simulation import Simulation, goal_of
 from hal.config import Fence
 from hal.sim.scenario import BeamSimulation, Disc, Scenario
 from tools import campaign, pages
 from tools.bench.maps import BARN_RADIUS_M, Map, barn_maps
+from tools.bench.rooms import shipped_config
 
 README = Path(__file__).parents[2] / "autonomy" / "perception" / "README.md"
 REACHED = "goal_reached"
@@ -69,8 +69,7 @@ def barn_scenario(world: Map, half_angle_deg: float) -> Scenario:
 def fly(case: Case, worlds: Mapping[str, Map]) -> Flight:
     """One flight to the goal of one of `worlds`, by their names; deterministic."""
     scenario = barn_scenario(worlds[case.world], case.half_angle_deg)
-    asked = Config.model_validate({"mission": {"replan": {"mode": case.mode}}})
-    config = with_scenario(asked, scenario)
+    config = shipped_config(scenario, case.mode)
     flight = Simulation(scenario, config, (goal_of(scenario, config),), case.seed).run()
     return Flight(
         case,

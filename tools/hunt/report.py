@@ -14,10 +14,12 @@ from autonomy.simulation import Simulation, goal_of
 from tools.bench.plots import INK, SOFT
 from tools.hunt.genome import decoded
 from tools.hunt.search import GOALS, goal_of_hunt
-from tools.hunt.trial import Trial, room_config
+from tools.hunt.trial import Trial
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
+
+from tools.bench.rooms import shipped_config
 
 README = Path(__file__).with_name("README.md")
 _HEADER = (
@@ -143,7 +145,7 @@ def save_room(trial: Trial, path: Path) -> None:
 def draw_room(axes: Any, trial: Trial) -> None:
     """One room with its flight, flown again."""
     scenario, mode = decoded(trial.vector, trial.name)
-    config = room_config(scenario, mode)
+    config = shipped_config(scenario, mode)
     flight = Simulation(scenario, config, (goal_of(scenario, config),)).run()
     draw_scenario(axes, scenario, legend=False)
     draw_flight(axes, flight.track)

@@ -8,10 +8,10 @@ import numpy as np
 from autonomy.config import Config
 from autonomy.model import Ending
 from autonomy.planning import outline_hits
-from autonomy.simulation import SimulatedFlight, Simulation, goal_of, with_scenario
+from autonomy.simulation import SimulatedFlight, Simulation, goal_of
 from autonomy.t3drm.spherical import Route, fence_planes, shortest_path
 from hal.sim.scenario import Scenario
-from tools.bench.rooms import OUTLINE_M, SENSING_M, passage_m
+from tools.bench.rooms import OUTLINE_M, SENSING_M, passage_m, shipped_config
 from tools.hunt.genome import decoded
 
 _VERDICTS = (Ending.GOAL_REACHED, Ending.UNREACHABLE)
@@ -57,7 +57,7 @@ def flown(vector: tuple[float, ...], name: str) -> Trial:
 
 def fly(scenario: Scenario, mode: str, name: str, vector: tuple[float, ...] = ()) -> Trial:
     """Fly a scenario to its goal and judge the flight."""
-    config = room_config(scenario, mode)
+    config = shipped_config(scenario, mode)
     flight, error = None, ""
     try:
         flight = Simulation(scenario, config, (goal_of(scenario, config),)).run()
@@ -81,11 +81,6 @@ def fly(scenario: Scenario, mode: str, name: str, vector: tuple[float, ...] = ()
         mode,
         kinds,
     )
-
-
-def room_config(scenario: Scenario, mode: str) -> Config:
-    """The configuration as shipped, in this room and mode."""
-    return with_scenario(Config.model_validate({"mission": {"replan": {"mode": mode}}}), scenario)
 
 
 def judged(flight: SimulatedFlight, scenario: Scenario, config: Config) -> str:
