@@ -147,6 +147,8 @@ def _positive(_: click.Context, __: click.Parameter, value: float | None) -> flo
     return value
 
 
+_OF_THE_SERVICE = ("prometheus_client", "starlette", "uvicorn", "websockets")
+"""What the extra `service` brings."""
 _EXISTING = click.Path(exists=True, dir_okay=False)
 _FAULTS = click.option(
     "--fault",
@@ -552,8 +554,11 @@ def serve(
     try:
         from autonomy.serving import composition
     except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] not in _OF_THE_SERVICE:
+            raise  # no extra brings it
         raise click.UsageError(
-            f"{error.name} is not installed; the service needs: pip install 'autonomy[service]'"
+            f"{error.name} is not installed; the service needs: pip install 'autonomy[service]', "
+            "and for reports on its page: pip install 'autonomy[plots]'"
         ) from None
     context.exit(
         composition.serve(

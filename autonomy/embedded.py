@@ -76,11 +76,18 @@ class EmbeddedPx4:
         if not line.startswith("ready"):
             self._process.kill()
             self._process.communicate()
+            self._process = None
             said = errors_path.read_text(encoding="utf-8").strip().splitlines()
             self._folder.cleanup()
             last = said[-1] if said else "it said nothing"
             raise AutonomyError(f"the embedded vehicle did not start: {last}")
         return self
+
+    def give_up(self) -> None:
+        """End a start that another thread waits for: it fails there."""
+        process = self._process
+        if process is not None:
+            process.kill()
 
     def __exit__(self, *_: object) -> None:
         """End the process and remove its files; the truth must have been read before."""

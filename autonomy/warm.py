@@ -3,8 +3,9 @@
 import atexit
 import gc
 import os
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from numba.core import event
@@ -28,11 +29,40 @@ def warm_up(note: Callable[[str], None] | None = None) -> None:
     """
     compiling = _Compiling(note if note is not None else lambda _: None)
     with event.install_listener("numba:compile", compiling):
-        estimation.warm_up()
-        perception.warm_up()
-        doubt.warm_up()
-        planner.warm_up()
+        _call_all()
     compiling.finish()
+    _settle()
+
+
+def load_compiled() -> bool:
+    """`warm_up` where nothing has to be compiled; else False, before anything is.
+
+    Compiling takes hundreds of MB that the process keeps: who must stay small lets
+    `python -m autonomy.warm` do it.
+    """
+    try:
+        with event.install_listener("numba:compile", _Refusing()):
+            _call_all()
+    except _NotCompiledError:
+        return False
+    _settle()
+    return True
+
+
+def kernels() -> Iterator[Dispatcher]:
+    """Every kernel that flies, with what it was compiled for."""
+    for module in (estimation, perception, doubt, t3drm):
+        yield from (each for each in vars(module).values() if isinstance(each, Dispatcher))
+
+
+def _call_all() -> None:
+    estimation.warm_up()
+    perception.warm_up()
+    doubt.warm_up()
+    planner.warm_up()
+
+
+def _settle() -> None:
     keep_what_is_loaded()
     atexit.register(gc.unfreeze)  # some libraries complain of what is left at the end
 
@@ -47,17 +77,27 @@ def keep_what_is_loaded() -> None:
     gc.freeze()
 
 
+class _NotCompiledError(Exception):
+    """A kernel is not in numba's cache."""
+
+
+class _Refusing(event.Listener):  # type: ignore[misc, unused-ignore]  # numba is untyped
+    """Lets numba compile nothing."""
+
+    def on_start(self, _: Any) -> None:
+        """numba is about to compile a function; raises _NotCompiledError instead."""
+        raise _NotCompiledError
+
+    def on_end(self, _: Any) -> None:
+        """Never comes: nothing begins."""
+
+
 class _Compiling(event.Listener):  # type: ignore[misc, unused-ignore]  # numba is untyped
     """Hears what numba compiles; kernels that call others begin before and end after them."""
 
     def __init__(self, note: Callable[[str], None]) -> None:
         self._note = note
-        self._waiting = {
-            kernel.py_func
-            for module in (estimation, perception, doubt, t3drm)
-            for kernel in vars(module).values()
-            if isinstance(kernel, Dispatcher)
-        }
+        self._waiting = {kernel.py_func for kernel in kernels()}
         self._total = len(self._waiting)
         self._began_s: float | None = None
         self._next_s = 0.0
@@ -86,3 +126,15 @@ class _Compiling(event.Listener):  # type: ignore[misc, unused-ignore]  # numba 
         """Say how long it took, when there was something to say."""
         if self._began_s is not None:
             self._note(f"kernels compiled in {time.monotonic() - self._began_s:.0f} s")
+
+
+def main() -> int:
+    """Compile into numba's cache, for a process that then loads it; says on standard output how
+    far it is, a sentence a line.
+    """
+    warm_up(lambda sentence: print(sentence, flush=True))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

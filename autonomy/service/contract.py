@@ -62,6 +62,7 @@ class MissionRecord(msgspec.Struct, frozen=True):
 class Phase(StrEnum):
     """What the service is doing."""
 
+    PREPARING = "preparing"  # loads or compiles what it flies with; `why` says how far it is
     WAITING = "waiting"  # for a vehicle; `why` says for which
     READY = "ready"  # a vehicle is there, nothing is flown
     FLYING = "flying"

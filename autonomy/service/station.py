@@ -263,12 +263,14 @@ class Station:
                     status=MissionStatus.CANCELLED,
                     why=f"the operator said {command.value} before it began",
                 )
+        self._refuse_while_preparing()
         if self.phase is Phase.WAITING:
             raise Refused(f"there is no vehicle to command: {self.why}")
         self._commands.append(command)
 
     def _refuse_unless_free(self) -> None:
         """Raise Refused unless a mission could begin now; the lock is held."""
+        self._refuse_while_preparing()
         if self.phase is Phase.WAITING:
             raise Refused(f"there is no vehicle to fly: {self.why}")
         if self.phase is Phase.STOPPING:
@@ -278,3 +280,7 @@ class Station:
             raise Refused(f"mission {flying.id} is {flying.status.value}; stop it first")
         if self.instant is not None and self.instant.status.armed:
             raise Refused("the vehicle is armed; land it first, a mission begins on the ground")
+
+    def _refuse_while_preparing(self) -> None:
+        if self.phase is Phase.PREPARING:
+            raise Refused(f"the service is not ready yet: {self.why}")

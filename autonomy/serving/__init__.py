@@ -11,5 +11,5 @@ begins there, so fence and goals are shifted for it, and what it says is shifted
 Rooms: `composition` puts everything together, `service` is the loop, `attending` looks after a
 vehicle at rest, `missions` flies one mission, `restart` finds a vehicle in the air, `desk` turns
 orders into missions, `watch` hears every tick, `parts` is what all of them work with,
-`memory` gives back what starting needed.
+`preparing` loads what flies, `memory` gives back what starting needed.
 """

@@ -4,7 +4,9 @@ import asyncio
 import logging
 import os
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -23,9 +25,9 @@ from autonomy.service.systemd import Notifier
 from autonomy.serving.desk import Desk
 from autonomy.serving.memory import settle
 from autonomy.serving.parts import Parts, real_drivers
+from autonomy.serving.preparing import load_kernels, start_embedded
 from autonomy.serving.service import Service
 from autonomy.simulation import with_scenario
-from autonomy.warm import warm_up
 from hal.sim.scenario import load_scenario
 
 _LOG = logging.getLogger("autonomy")
@@ -63,12 +65,10 @@ def serve(options: ServeOptions) -> int:
             lock = VehicleLock(connection, Holder("autonomy serve", os.getpid(), utc_now()))
             stack.enter_context(lock)
             lock.reachable_at(url_of(listening))
-        notifier.status("compiling the planner: minutes the first time, then seconds")
-        _LOG.info("compiling the planner: minutes the first time, then seconds")
-        warm_up(notifier.status)
         embedded: EmbeddedPx4 | None = None
         if options.scenario is not None:
-            embedded = stack.enter_context(EmbeddedPx4(options.scenario, options.seed))
+            embedded = EmbeddedPx4(options.scenario, options.seed)
+            stack.push(embedded)
             connection = embedded.connection
         config = config.model_copy(
             update={"vehicle": config.vehicle.model_copy(update={"connection": connection})}
@@ -87,7 +87,6 @@ def serve(options: ServeOptions) -> int:
         stack.enter_context(WebServer(api.application(), listening))
         _LOG.info("listening on %s", url_of(listening))
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
-        settle()
         parts = Parts(
             config,
             desk,
@@ -96,9 +95,17 @@ def serve(options: ServeOptions) -> int:
             notifier,
             real_drivers(config),
             true_clearance_m=embedded.true_clearance_m if embedded is not None else None,
+            prepare=partial(_prepare, embedded),
         )
         asyncio.run(Service(parts).run())
     return int(ExitCode.GOAL_REACHED)
+
+
+async def _prepare(embedded: EmbeddedPx4 | None, tell: Callable[[str], None]) -> None:
+    await load_kernels(tell)
+    if embedded is not None:
+        await start_embedded(embedded, tell)
+    settle()
 
 
 def _effective(options: ServeOptions) -> Config:

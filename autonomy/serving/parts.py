@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 
 from autonomy.config import Config
@@ -17,6 +17,8 @@ from hal.interfaces import Clock
 from hal.readings import VehicleFacts
 
 _LOG = logging.getLogger("autonomy")
+
+Prepare = Callable[[Callable[[str], None]], Awaitable[None]]
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,8 @@ class Parts:
     ending: asyncio.Event = field(default_factory=asyncio.Event)
     true_clearance_m: Callable[[], float | None] | None = None
     """In simulation: the least true clearance since it was asked last."""
+    prepare: Prepare | None = None
+    """What comes before the first vehicle; it tells what it does, a sentence at a time."""
 
     @property
     def period_s(self) -> float:

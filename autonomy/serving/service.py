@@ -8,7 +8,7 @@ from autonomy import app
 from autonomy.service.contract import Phase
 from autonomy.serving.attending import Attendant
 from autonomy.serving.missions import Missions
-from autonomy.serving.parts import Connected, Parts
+from autonomy.serving.parts import Connected, Parts, Prepare
 from autonomy.serving.restart import Restart
 from autonomy.termination import termination_signals
 from autonomy.virtual_world import warning
@@ -37,6 +37,7 @@ class Service:
             async with asyncio.TaskGroup() as group:
                 heart = group.create_task(self._beat())
                 try:
+                    await self._prepared()
                     while not parts.ending.is_set():
                         await self._one_connection()
                 finally:
@@ -49,6 +50,24 @@ class Service:
         again = self._parts.ending.is_set()
         self._parts.ending.set()
         self._missions.stop(at_once=again)
+
+    async def _prepared(self) -> None:
+        """All that comes before the first vehicle, unless the service is told to end first.
+
+        Raises what `prepare` raises, in groups.
+        """
+        parts = self._parts
+        if parts.prepare is None:
+            return
+        async with asyncio.TaskGroup() as group:
+            preparing = group.create_task(self._telling(parts.prepare))
+            ending = group.create_task(parts.ending.wait())
+            await asyncio.wait((preparing, ending), return_when=asyncio.FIRST_COMPLETED)
+            preparing.cancel()
+            ending.cancel()
+
+    async def _telling(self, prepare: Prepare) -> None:
+        await prepare(lambda words: self._parts.enter(Phase.PREPARING, f"preparing: {words}"))
 
     async def _one_connection(self) -> None:
         """From waiting for a vehicle to its silence, or to the service's end."""

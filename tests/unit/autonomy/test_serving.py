@@ -14,10 +14,10 @@ from autonomy.errors import BadInput
 from autonomy.model import MissionState, OperatorCommand
 from autonomy.service.contract import MissionOrder, MissionRecord, MissionStatus, Phase
 from autonomy.service.metrics import Metrics
-from autonomy.service.station import Station
+from autonomy.service.station import Refused, Station
 from autonomy.service.systemd import Notifier
 from autonomy.serving.desk import Desk, shifted
-from autonomy.serving.parts import Parts
+from autonomy.serving.parts import Parts, Prepare
 from autonomy.serving.service import Service
 from autonomy.simulation import with_scenario
 from hal.readings import FlightMode, LandedState
@@ -29,12 +29,19 @@ from tests.support.simulated_drivers import Rig
 TURNS = 40_000
 """Turns of the event loop after which a test gives up; simulated time does not wait."""
 
+_POINTS_UNDER_WAY = 12
+"""Of the flown track, one every 3 cm."""
+
 
 class Stage:
     """A service around a rig, with words for what tests do to it."""
 
     def __init__(
-        self, folder: Path, scenario: str = "empty", notifier: Notifier | None = None
+        self,
+        folder: Path,
+        scenario: str = "empty",
+        notifier: Notifier | None = None,
+        prepare: Prepare | None = None,
     ) -> None:
         world = load_scenario(scenario)
         config = with_scenario(Config(), world)
@@ -59,6 +66,7 @@ class Stage:
             notifier,
             drivers,
             true_clearance_m=lambda: 0.4321,
+            prepare=prepare,
         )
         self.service = Service(self.parts)
 
@@ -85,6 +93,11 @@ class Stage:
         record = self.station.mission(name)
         assert record is not None
         return record
+
+    def is_under_way(self) -> bool:
+        """True for the few ticks in which a flight has come a third of a metre: it cruises."""
+        drawn = self.station.drawn
+        return drawn is not None and len(drawn.track) == _POINTS_UNDER_WAY
 
     def truth_ne(self) -> tuple[float, float]:
         position = self.rig.vehicle.truth().position_ned_m
@@ -115,6 +128,47 @@ async def test_missions_begin_where_the_last_one_ended_and_keep_the_room_s_frame
         stage.service.stop()
     text = stage.metrics.text().decode()
     assert 'autonomy_missions_total{ending="goal_reached"} 3.0' in text
+
+
+async def test_a_service_that_prepares_answers_and_says_how_far_it_is(tmp_path: Path) -> None:
+    compiled = asyncio.Event()
+
+    async def prepare(tell: Callable[[str], None]) -> None:
+        tell("compiled 3 of 40 kernels")
+        await compiled.wait()
+
+    stage = Stage(tmp_path, prepare=prepare)
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await stage.until(Phase.PREPARING)
+        sentence = "the service is not ready yet: preparing: compiled 3 of 40 kernels"
+        with pytest.raises(Refused, match=sentence):
+            stage.station.submit(MissionOrder(goals=([1.0, 0.0],)))
+        with pytest.raises(Refused, match=sentence):
+            stage.station.command(OperatorCommand.LAND)
+        assert stage.rig.vehicle.opened == 0
+        compiled.set()
+        await stage.until(Phase.READY)
+        stage.service.stop()
+
+
+async def test_a_service_that_is_told_to_end_while_it_prepares_ends(tmp_path: Path) -> None:
+    given_up = asyncio.Event()
+
+    async def prepare(_: Callable[[str], None]) -> None:
+        try:
+            await asyncio.Event().wait()
+        finally:
+            given_up.set()
+
+    stage = Stage(tmp_path, prepare=prepare)
+    async with asyncio.TaskGroup() as group:
+        group.create_task(stage.service.run())
+        await asyncio.sleep(0.0)
+        stage.service.stop()
+    assert given_up.is_set()
+    assert stage.rig.vehicle.opened == 0
+    assert stage.station.phase is Phase.STOPPING
 
 
 async def test_what_the_sensors_drop_is_counted_for_people_to_see(tmp_path: Path) -> None:
@@ -177,8 +231,7 @@ async def test_stop_lands_the_vehicle_and_the_service_is_ready_again(tmp_path: P
     stage = Stage(tmp_path)
 
     def stop_in_the_air() -> None:
-        drawn = stage.station.drawn
-        if drawn is not None and len(drawn.track) == 12:
+        if stage.is_under_way():
             stage.station.command(OperatorCommand.STOP)
 
     stage.rig.at_tick = stop_in_the_air
@@ -197,11 +250,11 @@ async def test_a_hold_lasts_until_the_mission_is_told_to_go_on(tmp_path: Path) -
 
     def hold_and_go_on() -> None:
         nonlocal held_ticks
-        drawn, instant = stage.station.drawn, stage.station.instant
-        if drawn is None or instant is None or instant.command is None:
+        instant = stage.station.instant
+        if instant is None or instant.command is None:
             return
         state = instant.command.decision.state
-        if len(drawn.track) == 12 and held_ticks == 0:
+        if stage.is_under_way() and held_ticks == 0:
             stage.station.command(OperatorCommand.HOLD)
         if state is MissionState.HOLD:
             held_ticks += 1
@@ -223,8 +276,7 @@ async def test_ending_the_service_in_flight_lands_first(tmp_path: Path) -> None:
     stage = Stage(tmp_path)
 
     def end_in_the_air() -> None:
-        drawn = stage.station.drawn
-        if drawn is not None and len(drawn.track) == 12 and not stage.parts.ending.is_set():
+        if stage.is_under_way() and not stage.parts.ending.is_set():
             stage.service.stop()
 
     stage.rig.at_tick = end_in_the_air
@@ -343,8 +395,7 @@ def cut_in_flight(stage: Stage) -> Callable[[], None]:
     """Cuts the link once the vehicle cruises."""
 
     def cut() -> None:
-        drawn = stage.station.drawn
-        if drawn is not None and len(drawn.track) == 12:
+        if stage.is_under_way():
             stage.rig.at_tick = None
             stage.rig.vehicle.cut_link()
 
@@ -415,8 +466,7 @@ async def test_after_a_gap_of_the_setpoints_the_vehicle_stays_in_hold_and_is_lan
 
     def fail_once() -> None:
         nonlocal failed
-        drawn = stage.station.drawn
-        if drawn is not None and len(drawn.track) == 12 and not failed:
+        if stage.is_under_way() and not failed:
             failed = True
             uplink.fail_for(1.4)
         uplink.repeat()
@@ -440,8 +490,7 @@ async def test_a_vehicle_that_a_pilot_took_in_flight_stays_the_pilot_s(tmp_path:
     autopilot = stage.rig.vehicle.autopilot
 
     def take() -> None:
-        drawn = stage.station.drawn
-        if drawn is not None and len(drawn.track) == 12:
+        if stage.is_under_way():
             stage.rig.at_tick = None
             autopilot.take_over(Mode.HOLD)
 
@@ -502,8 +551,7 @@ async def test_a_defect_ends_one_flight_not_the_service(tmp_path: Path) -> None:
     stage = Stage(tmp_path)
 
     def break_down() -> None:
-        drawn = stage.station.drawn
-        if drawn is not None and len(drawn.track) == 12 and stage.station.phase is Phase.FLYING:
+        if stage.is_under_way() and stage.station.phase is Phase.FLYING:
             stage.rig.vehicle.seconds_a_request = 20.0
             stage.rig.at_tick = None
             raise ZeroDivisionError("planted")
@@ -544,8 +592,7 @@ async def test_the_watchdog_is_fed_while_a_vehicle_is_brought_down_after_a_defec
 
     def break_down() -> None:
         nonlocal broken_s
-        drawn = stage.station.drawn
-        if drawn is not None and len(drawn.track) == 12 and stage.station.phase is Phase.FLYING:
+        if stage.is_under_way() and stage.station.phase is Phase.FLYING:
             stage.rig.at_tick = None
             broken_s, heard.longest_s = clock.now_s(), 0.0
             raise ZeroDivisionError("planted")

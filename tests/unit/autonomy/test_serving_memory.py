@@ -1,13 +1,15 @@
 """What flying does not need is given back, and what is given back can be used again."""
 
+import importlib
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numba import njit
 
-from autonomy.serving.memory import code_of, drop_code
+from autonomy.serving.memory import code_of, drop_code, fold
 
 MAPS = """\
 7f00-7f10 r--p 00000000 fe:00 11 /opt/x/libllvmlite.so
@@ -29,6 +31,23 @@ def test_what_was_dropped_compiles_again() -> None:
     maps = Path("/proc/self/maps").read_text().splitlines()
     assert drop_code(maps) > 10_000_000
     assert twice(np.arange(3.0)).tolist() == [0.0, 2.0, 4.0]
+
+
+def test_a_folded_kernel_computes_as_before_and_can_still_be_built_into_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = "from numba import njit\n\n@njit(cache=True)\ndef thrice(x):\n    return 3.0 * x\n"
+    (tmp_path / "folded_kernel.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    first = importlib.import_module("folded_kernel")
+    assert first.thrice(2.0) == 6.0
+    loaded = importlib.reload(first).thrice
+    assert loaded(2.0) == 6.0
+    assert sum(loaded.stats.cache_hits.values()) == 1
+    assert fold([loaded]) == 1
+    assert fold([loaded]) == 0
+    assert loaded(4.0) == 12.0
+    assert njit(lambda x: 1.0 + loaded(x))(2.0) == 7.0
 
 
 def test_the_estimator_brings_no_statistics_along_and_hides_them_from_nobody() -> None:
