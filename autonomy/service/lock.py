@@ -4,6 +4,7 @@ The lock is a `flock` on a file, so it ends with its process, however that ends.
 only read the file can take the lock all the same; it has no name in it then.
 """
 
+import contextlib
 import fcntl
 import os
 import re
@@ -19,7 +20,8 @@ import msgspec
 from autonomy.errors import BadInput, NotNow
 
 SYSTEM_FOLDER = Path("/run/autonomy")
-"""Made by the systemd unit (RuntimeDirectory); every pilot of the machine meets here."""
+"""Made by the systemd unit (RuntimeDirectory), for all users and beyond its end; every pilot of the
+machine meets here."""
 
 _SERIAL = re.compile(r"^serial:/*(.*?)(?::\d+)?$")
 _ADDRESS = re.compile(r"^(\w+?)(in|out)?://([^:/]*)(?::(\d+))?/?$")
@@ -148,11 +150,16 @@ def _open(path: Path) -> tuple[int, bool]:
     """(descriptor, writable) of the lock file, made when missing; raises BadInput."""
     flags = os.O_CLOEXEC | os.O_NOFOLLOW
     try:
-        descriptor, writable = os.open(path, os.O_RDWR | os.O_CREAT | flags, 0o644), True
+        descriptor, writable = _opened_or_made(path, flags), True
     except PermissionError:
         try:
-            # Somebody else's file: sticky folders forbid O_CREAT on it, reading is enough.
+            # Somebody else's file: reading is enough.
             descriptor, writable = os.open(path, os.O_RDONLY | flags), False
+        except FileNotFoundError:
+            raise BadInput(
+                f"{path.parent}: only the service's user may make the lock there that keeps a "
+                "second pilot away; run it as that user, or: chmod 1777 there"
+            ) from None
         except OSError as error:
             raise _unusable(path, error) from None
     except OSError as error:
@@ -161,6 +168,20 @@ def _open(path: Path) -> tuple[int, bool]:
         os.close(descriptor)
         raise BadInput(f"{path}: is not a plain file; remove it, the pilot's lock belongs there")
     return descriptor, writable
+
+
+def _opened_or_made(path: Path, flags: int) -> int:
+    """The file for writing. Whoever makes it lets the next pilot, another user, write a name.
+
+    It is opened first without O_CREAT: a kernel that protects regular files refuses that flag on
+    another's file in a sticky folder.
+    """
+    with contextlib.suppress(FileNotFoundError):
+        return os.open(path, os.O_RDWR | flags)
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | flags, 0o666)
+    if os.fstat(descriptor).st_uid == os.geteuid():
+        os.fchmod(descriptor, 0o666)
+    return descriptor
 
 
 def _unusable(path: Path, error: OSError) -> BadInput:

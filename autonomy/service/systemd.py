@@ -26,8 +26,12 @@ class Notifier:
         self._send("READY=1")
 
     def stopping(self) -> None:
-        """The service is ending by itself or because it was told to."""
-        self._send("STOPPING=1")
+        """The service is ending, its vehicle let go of: nothing left that could hang in flight.
+
+        The watchdog goes with it, else it kills a computer's slow tidying up as a loop that hangs;
+        the unit's TimeoutStopSec bounds that.
+        """
+        self._send("STOPPING=1\nWATCHDOG_USEC=0")
 
     def status(self, sentence: str) -> None:
         """The line that `systemctl status` shows; sent when it changes."""

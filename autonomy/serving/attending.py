@@ -56,11 +56,17 @@ class ServiceFrame:
         if on_ground and (reset or math.hypot(*jump) > _JUMP_M):
             self._origin_ned_m = add(self._origin_ned_m, jump)
 
-    def origin(self, position: LocalPosition | None) -> Vector3:
-        """The origin; before the first mission it is where the vehicle stands."""
+    def origin(self, position: LocalPosition | None, *, in_the_air: bool = False) -> Vector3:
+        """The origin; before the first mission it is where the vehicle stands.
+
+        Found in the air, its height counts from PX4's own origin: where PX4 was started, mostly.
+        """
         if self._origin_ned_m is not None:
             return self._origin_ned_m
-        return position.position_ned_m if position is not None else ZERO3
+        if position is None:
+            return ZERO3
+        north, east, down = position.position_ned_m
+        return north, east, 0.0 if in_the_air else down
 
 
 class LeftInAir:
@@ -129,6 +135,8 @@ class Attendant:
         self._parts = parts
         self.frame = ServiceFrame()
         self.left = LeftInAir()
+        self.aloft = ""
+        """What was said of the vehicle that was found in the air, while it is there."""
         self._readings: dict[str, RangeReading] = {}
         self._ready_told = False
 
@@ -137,18 +145,33 @@ class Attendant:
         self.frame.forget()
         self.left.meet(connected.facts, self._parts.drivers.clock.now_s())
         self._readings.clear()
+        self.aloft = ""
         drivers = (connected.vehicle, *connected.sensors, connected.gnss)
         self._parts.station.dropped = lambda: dropped_by(drivers)
 
     def ready(self, connected: Connected) -> None:
-        """Say that a mission may come; systemd's watchdog counts from the first time."""
+        """Say that a mission may come, or what is in the air; systemd's watchdog counts from the
+        first time.
+        """
         if self._parts.ending.is_set():
             return
-        facts = connected.facts
-        self._parts.enter(Phase.READY, f"{facts.autopilot} {facts.version} is ready for a mission")
+        self._parts.enter(Phase.READY, self._at_rest(connected))
         if not self._ready_told:
             self._ready_told = True
             self._parts.notifier.ready()
+
+    def _at_rest(self, connected: Connected) -> str:
+        """A vehicle that is not flown by this service, in a sentence."""
+        facts = connected.facts
+        name = f"{facts.autopilot} {facts.version}"
+        if not in_flight.is_in_the_air(connected.vehicle.status()):
+            self.aloft = ""
+            return f"{name} is ready for a mission"
+        if self.aloft:
+            return self.aloft
+        if self.left.custody is not None:
+            return f"{name} is in the air, where its mission left it; order it to land"
+        return f"{name} is in the air, and not flown by this service"
 
     def look(self, connected: Connected) -> None:
         """One look; raises ConnectionFailed when it fell silent."""
@@ -168,10 +191,10 @@ class Attendant:
         on_ground = status.landed is LandedState.ON_GROUND or not status.armed
         self.frame.follow(position, on_ground=on_ground)
         if self.left.see(status):
-            station.tell(
-                "in_flight",
-                "PX4's failsafe holds the vehicle, which this service lost; order it to land",
+            self.aloft = (
+                "PX4's failsafe holds the vehicle, which this service lost; order it to land"
             )
+            station.tell("in_flight", self.aloft)
         station.at_rest(
             Instant(
                 now_s=self._parts.drivers.clock.now_s(),
@@ -179,7 +202,9 @@ class Attendant:
                 readings=dict(self._readings),
                 position=position,
                 attitude=vehicle.attitude(),
-                origin_ned_m=self.frame.origin(position),
+                origin_ned_m=self.frame.origin(
+                    position, in_the_air=in_flight.is_in_the_air(status)
+                ),
             )
         )
 

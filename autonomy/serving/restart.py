@@ -148,4 +148,5 @@ class Restart:
         return None
 
     def _tell(self, why: str) -> None:
+        self._attendant.aloft = why
         self._parts.station.tell("in_flight", why)

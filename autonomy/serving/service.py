@@ -130,7 +130,7 @@ class Service:
             if record is not None:
                 await self._missions.fly(record, connected)
                 attendant.look(connected)
-                attendant.ready(connected)
+            attendant.ready(connected)
             for command in parts.station.take_commands():
                 await attendant.obey(command, connected)
             await asyncio.sleep(parts.period_s)

@@ -4,8 +4,9 @@
     python3 -m tools.deploy remove [--purge]
 
 Installs an environment of its own (/opt/autonomy), a user, udev rules, the unit, configuration and
-a token (/etc/autonomy); what is there already is kept. `remove` leaves configuration and flight
-logs; `--purge` takes them too. Needs nothing but Python's standard library and python3-venv.
+a token (/etc/autonomy); configuration and token that are there already are kept. `remove` leaves
+configuration, flight logs and the user who owns them; `--purge` takes them too. Works in a chroot
+as well, as images are made. Needs nothing but Python's standard library.
 """
 
 import argparse
@@ -16,16 +17,22 @@ import secrets
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
+
+from tools.bootstrap import BootstrapError, make_environment
 
 PROJECT = Path(__file__).resolve().parents[2]
 PREFIX = Path("/opt/autonomy")
 SETTINGS = Path("/etc/autonomy")
 UNIT = Path("/etc/systemd/system/autonomy.service")
 RULES = Path("/etc/udev/rules.d/60-autonomy.rules")
+DROP_INS = Path("/etc/systemd/system/autonomy.service.d")
 COMMAND = Path("/usr/local/bin/autonomy")
-KEPT = (Path("/var/lib/autonomy"), Path("/var/cache/autonomy"))
+STATE = Path("/var/lib/autonomy")
+CACHE = Path("/var/cache/autonomy")
 USER = "autonomy"
+NOT_SOURCE = shutil.ignore_patterns(".*", "build", "__pycache__", "*.egg-info")
 GROUPS = ("dialout", "i2c", "gpio")
 CONFIGURATION = """\
 # What differs from the defaults; `autonomy config show` prints every key.
@@ -50,25 +57,30 @@ def main(arguments: list[str]) -> int:
     if os.geteuid() != 0:
         print("deploy: run it as root", file=sys.stderr)
         return 1
+    os.umask(0o022)  # the service's user must be able to read what root installs
     try:
         if options.action == "install":
             install(options.source)
         else:
             remove(purge=options.purge)
-    except (subprocess.CalledProcessError, OSError) as error:
+    except (DeployError, BootstrapError, OSError) as error:
         print(f"deploy: {error}", file=sys.stderr)
         return 1
     return 0
 
 
+class DeployError(Exception):
+    """One sentence for the person at the terminal."""
+
+
 def install(source: str) -> None:
     """Everything in its place; may be run again to bring it up to date."""
+    if is_active():
+        raise DeployError("the service runs; first: systemctl stop autonomy (lands what it flies)")
+    if COMMAND.exists() and not is_ours(COMMAND):
+        raise DeployError(f"{COMMAND} is another program; move it away first")
     make_user()
-    say(f"installing {source} into {PREFIX}")
-    if not (PREFIX / "bin" / "python").exists():
-        run(sys.executable, "-m", "venv", str(PREFIX))
-    pip = (str(PREFIX / "bin" / "python"), "-m", "pip", "install", "--quiet", "--upgrade")
-    run(*pip, f"{source}[service,hardware,plots]")
+    install_package(source)
     link(COMMAND, PREFIX / "bin" / "autonomy")
     SETTINGS.mkdir(mode=0o755, exist_ok=True)
     settings = SETTINGS / "config.yaml"
@@ -77,31 +89,75 @@ def install(source: str) -> None:
     make_token(SETTINGS / "token")
     shutil.copyfile(PROJECT / "configs" / "autonomy.service", UNIT)
     RULES.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(PROJECT / "tools" / "deploy" / "60-autonomy.rules", RULES)
+    shutil.copyfile(PROJECT / "tools" / "deploy" / RULES.name, RULES)
+    make_known()
     run(str(PREFIX / "bin" / "autonomy"), "config", "check", str(settings))
+    say(f"what differs on this drone goes into {settings}")
     if systemd_runs():
-        run("systemctl", "daemon-reload")
-        run("udevadm", "control", "--reload")
-        say("start it with: systemctl enable --now --no-block autonomy")
+        say("then: systemctl enable --now --no-block autonomy")
+    else:
+        say("then: systemctl enable autonomy, and it starts with the computer")
     say("the page will be at http://127.0.0.1:8042")
 
 
-def remove(*, purge: bool) -> None:
-    """Everything out of its place; configuration, token and flight logs only with `purge`."""
-    if systemd_runs():
-        subprocess.run(["systemctl", "disable", "--now", "autonomy"], check=False)
-    for path in (UNIT, RULES, COMMAND):
-        path.unlink(missing_ok=True)
-    shutil.rmtree(PREFIX, ignore_errors=True)
-    if systemd_runs():
-        run("systemctl", "daemon-reload")
-    if not purge:
-        say(f"kept: {SETTINGS}, {', '.join(str(path) for path in KEPT)} and the user {USER}")
+def install_package(source: str) -> None:
+    """The program from a folder or a wheel into its environment.
+
+    A folder is built from a copy: a build leaves files behind, and takes in what an older one left.
+    """
+    say(f"installing {source} into {PREFIX}: some 750 MB, a minute or more")
+    python = make_environment(PREFIX)
+    pip = (str(python), "-m", "pip", "install", "--quiet", "--no-cache-dir", "--prefer-binary")
+    extras = "[service,hardware,plots]"
+    if not Path(source).is_dir():
+        run(*pip, "--upgrade", f"{source}{extras}")
+        run(*pip, "--force-reinstall", "--no-deps", source)  # pip keeps one of the same version
         return
-    for folder in (SETTINGS, *KEPT):
+    with tempfile.TemporaryDirectory() as temporary:
+        copy = Path(temporary) / "autonomy"
+        shutil.copytree(source, copy, ignore=NOT_SOURCE)
+        run(*pip, "--upgrade", f"{copy}{extras}")
+
+
+def remove(*, purge: bool) -> None:
+    """Everything out of its place; configuration, token, flight logs and user only with `purge`."""
+    if systemd_runs():
+        if is_active():
+            say("stopping the service; what it flies lands first")
+        run("systemctl", "disable", "--now", "--quiet", "autonomy", may_fail=True)
+    elif shutil.which("systemctl") is not None:
+        run("systemctl", "disable", "--quiet", "autonomy", may_fail=True)
+    for path in (UNIT, RULES):
+        path.unlink(missing_ok=True)
+    if is_ours(COMMAND):
+        COMMAND.unlink()
+    for folder in (PREFIX, CACHE):
         shutil.rmtree(folder, ignore_errors=True)
-    if has_user():
-        run("userdel", USER)
+    if purge:
+        for folder in (SETTINGS, STATE, DROP_INS):
+            shutil.rmtree(folder, ignore_errors=True)
+        if has_user():
+            run("userdel", USER)
+    make_known()
+    if purge:
+        say(f"removed; the groups {', '.join(GROUPS)} stay, others may be in them")
+        return
+    kept = (SETTINGS, STATE, DROP_INS)
+    there = ", ".join(str(path) for path in kept if path.exists())
+    say(f"kept: {there} and the user {USER}")
+
+
+def make_known() -> None:
+    """Tell systemd and udev, where they run, that their files changed: devices that are plugged in
+    already get their groups now.
+    """
+    if not systemd_runs():
+        return
+    run("systemctl", "daemon-reload")
+    if Path("/run/udev/control").exists():
+        run("udevadm", "control", "--reload", may_fail=True)
+        subsystems = [f"--subsystem-match={name}" for name in ("tty", "i2c-dev", "gpio")]
+        run("udevadm", "trigger", "--action=change", *subsystems, may_fail=True)
 
 
 def make_user() -> None:
@@ -148,9 +204,29 @@ def systemd_runs() -> bool:
     return Path("/run/systemd/system").is_dir()
 
 
-def run(*command: str) -> None:
-    """Run one command; raises CalledProcessError when it fails."""
-    subprocess.run(command, check=True)
+def is_active() -> bool:
+    """True while the service runs, or starts."""
+    if not systemd_runs():
+        return False
+    said = subprocess.run(
+        ["systemctl", "is-active", "autonomy"], capture_output=True, text=True, check=False
+    ).stdout
+    return said.strip() in ("active", "activating", "deactivating", "reloading")
+
+
+def is_ours(path: Path) -> bool:
+    """True for a link into the environment that is installed here."""
+    return path.is_symlink() and path.readlink().is_relative_to(PREFIX)
+
+
+def run(*command: str, may_fail: bool = False) -> None:
+    """Run one command; raises DeployError when it fails and may not."""
+    try:
+        subprocess.run(command, check=not may_fail)
+    except subprocess.CalledProcessError as error:
+        raise DeployError(
+            f"exit code {error.returncode} of: {' '.join(command)}; mend that, then run it again"
+        ) from None
 
 
 def say(text: str) -> None:

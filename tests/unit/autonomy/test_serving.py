@@ -419,6 +419,7 @@ async def test_what_was_lost_with_its_link_is_landed_when_it_is_back(
         vehicle.restore_link()
         await stage.until(Phase.READY)
         await stage.until_true(functools.partial(is_told, stage, "PX4's failsafe holds"))
+        assert stage.station.why.startswith("PX4's failsafe holds")
         assert vehicle.status().mode is FlightMode.HOLD
         if ends:
             vehicle.seconds_a_request = 20.0
@@ -427,6 +428,7 @@ async def test_what_was_lost_with_its_link_is_landed_when_it_is_back(
             assert vehicle.status().landed is LandedState.ON_GROUND
             return
         await land_by_order(stage)
+        await stage.until_true(lambda: stage.station.why.endswith("is ready for a mission"))
         stage.service.stop()
 
 
@@ -500,6 +502,7 @@ async def test_a_vehicle_that_a_pilot_took_in_flight_stays_the_pilot_s(tmp_path:
         await stage.until(Phase.READY)
         record = await stage.fly(MissionOrder(goals=([2.0, 0.0],)))
         assert record.ending == "taken_over"
+        await stage.until_true(lambda: stage.station.why.endswith("not flown by this service"))
         asked = asks(stage)
         stage.station.command(OperatorCommand.LAND)
         await stage.until_true(lambda: "land: nothing is flown" in events(stage))

@@ -9,7 +9,7 @@ import pytest
 
 from autonomy.cli import refusal
 from autonomy.errors import BadInput, ExitCode, NotNow
-from autonomy.service.lock import VehicleHeld
+from autonomy.service.lock import SYSTEM_FOLDER, VehicleHeld
 from autonomy.service.server import listening_socket
 from tools.deploy.__main__ import GROUPS
 
@@ -63,3 +63,9 @@ def test_systemd_understands_the_unit_where_it_is_installed() -> None:
     ).stderr
     complaints = [line for line in said.splitlines() if "autonomy" in line]
     assert all("is not executable" in line for line in complaints), complaints
+
+
+def test_pilots_of_all_users_meet_where_the_unit_makes_the_folder() -> None:
+    assert values("RuntimeDirectory") == [SYSTEM_FOLDER.name]
+    assert values("RuntimeDirectoryMode") == ["1777"]
+    assert values("RuntimeDirectoryPreserve") == ["yes"]

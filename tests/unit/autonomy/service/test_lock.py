@@ -1,4 +1,5 @@
 import os
+import stat
 from pathlib import Path
 
 import pytest
@@ -79,3 +80,12 @@ def test_a_link_in_the_lock_s_place_is_not_followed(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="cannot be opened"), lock:
         pass
     assert target.read_text() == "keep"
+
+
+def test_the_next_pilot_may_be_another_user(tmp_path: Path) -> None:
+    before = os.umask(0o077)
+    try:
+        with VehicleLock(URL, holder(), tmp_path) as lock:
+            assert stat.S_IMODE(lock.path.stat().st_mode) == 0o666
+    finally:
+        os.umask(before)

@@ -35,7 +35,11 @@ def test_readiness_and_stopping_are_told(systemd: Listener) -> None:
     notifier.ready()
     notifier.extend_s(90.0)
     notifier.stopping()
-    assert systemd.heard() == ["READY=1", "EXTEND_TIMEOUT_USEC=90000000", "STOPPING=1"]
+    assert systemd.heard() == [
+        "READY=1",
+        "EXTEND_TIMEOUT_USEC=90000000",
+        "STOPPING=1\nWATCHDOG_USEC=0",
+    ]
 
 
 def test_a_status_is_one_line_and_told_when_it_changes(systemd: Listener) -> None:
