@@ -17,12 +17,14 @@ class Notifier:
         """`environ` is the process's; NOTIFY_SOCKET and WATCHDOG_USEC are read from it."""
         self._address = _address(environ.get("NOTIFY_SOCKET", ""))
         self._status = ""
+        self._watched = False
         self._fed_s: float | None = None
         period_s = _watchdog_s(environ)
         self._feed_every_s = period_s / 4.0 if period_s is not None else None
 
     def ready(self) -> None:
         """The service does what it is for; the watchdog counts from here."""
+        self._watched = True
         self._send("READY=1")
 
     def stopping(self) -> None:
@@ -31,6 +33,7 @@ class Notifier:
         The watchdog goes with it, else it kills a computer's slow tidying up as a loop that hangs;
         the unit's TimeoutStopSec bounds that.
         """
+        self._watched = False
         self._send("STOPPING=1\nWATCHDOG_USEC=0")
 
     def status(self, sentence: str) -> None:
@@ -45,8 +48,12 @@ class Notifier:
         self._send(f"EXTEND_TIMEOUT_USEC={int(seconds * _USEC)}")
 
     def alive(self, now_s: float) -> None:
-        """The control loop turned at `now_s`; passed on at a quarter of the watchdog's period."""
-        if self._feed_every_s is None:
+        """The control loop turned at `now_s`; passed on at a quarter of the watchdog's period.
+
+        Not before `ready`: systemd's watchdog begins with the first sign of life, if that comes
+        earlier, and loading the kernels keeps the loop for longer than its period.
+        """
+        if self._feed_every_s is None or not self._watched:
             return
         if self._fed_s is None or now_s - self._fed_s >= self._feed_every_s:
             self._fed_s = now_s

@@ -51,9 +51,21 @@ def test_a_status_is_one_line_and_told_when_it_changes(systemd: Listener) -> Non
 
 def test_signs_of_life_pass_at_a_quarter_of_the_watchdog_s_period(systemd: Listener) -> None:
     notifier = Notifier({"NOTIFY_SOCKET": systemd.address, "WATCHDOG_USEC": "2000000"})
+    notifier.ready()
     for tick in range(41):  # two seconds at 20 Hz
         notifier.alive(100.0 + tick * 0.05)
-    assert 4 <= len(systemd.heard()) <= 5
+    assert 4 <= systemd.heard().count("WATCHDOG=1") <= 5
+
+
+def test_no_sign_of_life_begins_the_watchdog_before_readiness_or_after_the_end(
+    systemd: Listener,
+) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": systemd.address, "WATCHDOG_USEC": "2000000"})
+    notifier.alive(100.0)
+    notifier.ready()
+    notifier.stopping()
+    notifier.alive(200.0)
+    assert "WATCHDOG=1" not in systemd.heard()
 
 
 @pytest.mark.parametrize(
@@ -69,8 +81,10 @@ def test_without_a_watchdog_for_this_process_no_life_is_told(
     systemd: Listener, environ: dict[str, str]
 ) -> None:
     assert os.getpid() != 1
-    Notifier({"NOTIFY_SOCKET": systemd.address, **environ}).alive(1.0)
-    assert systemd.heard() == []
+    notifier = Notifier({"NOTIFY_SOCKET": systemd.address, **environ})
+    notifier.ready()
+    notifier.alive(1.0)
+    assert systemd.heard() == ["READY=1"]
 
 
 @pytest.mark.parametrize("address", ["", "/nowhere/at/all", "@nobody-listens-here", "relative"])
