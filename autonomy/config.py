@@ -133,6 +133,8 @@ class MoversConfig(Section):
     """Beyond body and mover: nearer than this nothing may be predicted to come."""
     horizon_s: Positive = 4.0
     """How far ahead it is predicted."""
+    escape_s: Annotated[float, Field(ge=2.0, le=12.0)] = 7.0
+    """How far ahead the way that may follow a first evasion is searched."""
     plan_ahead_s: NonNegative = 4.0
     """Plans keep clear of where movers will be within this; 0: of where they are only."""
 
@@ -163,7 +165,7 @@ class PlannerConfig(Section):
 
     comfortable_clearance_m: Positive = 0.08
     """r0 of Eq. 2: keep-out radius around a hit at comfort."""
-    hard_clearance_m: Positive = 0.05
+    hard_clearance_m: Positive = 0.06
     """r_min: Eq. 2's flow is stopped here."""
     levels: int = Field(default=3, ge=1, le=8)
     """How many radii from r0 to r_min are solved and compared."""

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from autonomy.config import Config
 from autonomy.geometry import Point
+from autonomy.mission.escape import Continuations
 from autonomy.model import FusedState, MovingObstacle
 from autonomy.t3drm.direction import Direction, direction_of
 from hal.frames import Vector3, wrap_pi
@@ -25,7 +26,7 @@ BEARINGS = 16
 STEP_S = 0.25
 RESPONSE_S = 0.5
 """PX4 follows a commanded velocity with about this time constant."""
-REACH_M = 0.9
+REACH_M = 1.2
 """How far a retreat is looked at."""
 NEAR_M = 2.0
 """A mover with its centre farther away than this is nobody's concern yet."""
@@ -37,6 +38,10 @@ TURN = 0.4
 HASTE = 0.6
 """How much more than the wanted velocity is commanded, as a share of what it lacks: PX4 takes a
 second to follow."""
+FIRST_S = 1.0
+"""The first move lasts as long; what may follow it is searched for (autonomy/mission/escape.py)."""
+STRAIGHT = 0.1
+"""Share of what flying straight on would keep, beside that: it decides between equals."""
 ENOUGH_M = 0.5
 """More distance than this is worth nothing more."""
 KEEP_M = 0.06
@@ -98,6 +103,9 @@ class MakingWay:
         self._body_m = config.body.radius_m
         self._full_m_s = self._speed_m_s = config.guidance.speed_max_m_s
         self._times = np.arange(0.0, config.movers.horizon_s + 1e-9, STEP_S)
+        self._first = int(np.searchsorted(self._times, FIRST_S)) + 1
+        self._after = Continuations(config.guidance.speed_max_m_s)
+        self._later = self._after.times_s(FIRST_S, config.movers.escape_s)
         angles = [2.0 * math.pi * k / BEARINGS for k in range(BEARINGS)]
         self._headings = np.array([(math.cos(a), math.sin(a)) for a in angles])
         self._angles = angles
@@ -127,9 +135,9 @@ class MakingWay:
         if not near:
             self.stop()
             return None
-        tubes = self._tubes(near)
+        tubes = self._tubes(near, self._times)
         wanted = np.array([planned_ne_m_s])
-        planned_m = float(self._kept_m(fused, wanted, np.array([np.inf]), tubes)[0])
+        planned_m = float(_gaps_m(self._ways(fused, wanted, np.array([np.inf])), tubes).min())
         enough_m = self._config.clearance_m + (CALM_M if self.active else 0.0)
         if planned_m >= enough_m:
             self.stop()
@@ -139,9 +147,8 @@ class MakingWay:
 
     # ------------------------------------------------------------ inside
 
-    def _tubes(self, movers: list[MovingObstacle]) -> tuple[FloatArray, FloatArray]:
+    def _tubes(self, movers: list[MovingObstacle], t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Centres (movers, times, 2) and what counts as touching them (movers, times), m."""
-        t = self._times
         places = np.array([m.point for m in movers])[:, None, :]
         velocities = np.array([m.velocity_ne_m_s for m in movers])[:, None, :]
         centres: FloatArray = places + velocities * t[None, :, None]
@@ -157,28 +164,40 @@ class MakingWay:
         radii = np.array([m.radius_m for m in movers])[:, None]
         return centres, radii + self._body_m + doubts
 
-    def _kept_m(
-        self,
-        fused: FusedState,
-        velocities: FloatArray,
-        reaches_m: FloatArray,
-        tubes: tuple[FloatArray, FloatArray],
-    ) -> FloatArray:
-        """(k,) least distance between body and movers for each velocity (k, 2), each flown no
-        farther than its reach.
+    def _ways(self, fused: FusedState, velocities: FloatArray, reaches_m: FloatArray) -> FloatArray:
+        """(k, times, 2) where the vehicle is with each velocity (k, 2), each flown no farther than
+        its reach.
         """
-        centres, touching = tubes
         speeds = np.hypot(velocities[:, 0], velocities[:, 1])
         coasting_s = RESPONSE_S * (1.0 - np.exp(-self._times / RESPONSE_S))
         flown_s = self._times - coasting_s
         way_m = np.minimum(speeds[:, None] * flown_s[None, :], reaches_m[:, None])
         units = velocities / np.maximum(speeds, 1e-9)[:, None]
         drift = np.array(fused.velocity_ned_m_s[:2])[None, :] * coasting_s[:, None]
-        own = np.array(fused.point) + drift[None, :, :] + units[:, None, :] * way_m[:, :, None]
-        apart = own[:, None, :, :] - centres[None, :, :, :]
-        gaps = np.hypot(apart[..., 0], apart[..., 1]) - touching[None, :, :]
-        least: FloatArray = gaps.min(axis=(1, 2))
-        return least
+        ways: FloatArray = (
+            np.array(fused.point) + drift[None, :, :] + units[:, None, :] * way_m[:, :, None]
+        )
+        return ways
+
+    def _kept_m(
+        self,
+        fused: FusedState,
+        ways: FloatArray,
+        reaches_m: FloatArray,
+        near: list[MovingObstacle],
+        tubes: tuple[FloatArray, FloatArray],
+    ) -> FloatArray:
+        """(k,) what is kept of each way flown for FIRST_S and of the best that can follow, at most
+        ENOUGH_M; of equals the one is worth more that is good to go on with.
+        """
+        gaps = _gaps_m(ways, tubes)
+        centres, touching_m = self._tubes(near, self._later)
+        after = self._after.of(fused.point, centres, touching_m, reaches_m)
+        following = self._after.at(after, fused.point, ways[:, self._first - 1])
+        kept = np.minimum(gaps[:, : self._first].min(axis=1), following)
+        straight = np.clip(gaps.min(axis=1), -ENOUGH_M, ENOUGH_M)
+        worth: FloatArray = np.minimum(kept, ENOUGH_M) + STRAIGHT * straight
+        return worth
 
     def _choose(
         self,
@@ -193,8 +212,8 @@ class MakingWay:
         position = fused.position_ned_m
         reaches = [space.free_distance_m(position, angle, REACH_M, now_s) for angle in self._angles]
         velocities = np.concatenate((self._headings * self._speed_m_s, np.zeros((1, 2))))
-        kept = self._kept_m(fused, velocities, np.array([*reaches, 0.0]), tubes)
-        worth = np.minimum(kept, ENOUGH_M)
+        ways = self._ways(fused, velocities, np.array([*reaches, 0.0]))
+        worth = self._kept_m(fused, ways, np.array(reaches), near, tubes)
         # Of equals, the one nearest to the plan, and whichever is being flown already.
         along = velocities @ np.array(planned_ne_m_s) / (self._full_m_s * self._full_m_s)
         worth += 0.02 * along + 0.01 * np.array([*(min(r, 0.5) for r in reaches), 0.0])
@@ -223,6 +242,14 @@ class MakingWay:
         return (
             f"{doing} for {what} from the {where}, {math.hypot(n, e) - mover.radius_m:.2f} m away"
         )
+
+
+def _gaps_m(ways: FloatArray, tubes: tuple[FloatArray, FloatArray]) -> FloatArray:
+    """(k, times) distance between body and movers, the nearest of all, on each way."""
+    centres, touching_m = tubes
+    apart = ways[:, None, :, :] - centres[None, :, :, :]
+    gaps: FloatArray = (np.hypot(apart[..., 0], apart[..., 1]) - touching_m[None, :, :]).min(axis=1)
+    return gaps
 
 
 def _in_body(vector_ne: Point, yaw_rad: float) -> Vector3:

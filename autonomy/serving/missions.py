@@ -22,6 +22,7 @@ from autonomy.service.contract import MissionOrder, MissionRecord, MissionStatus
 from autonomy.service.station import FlownMission
 from autonomy.serving.attending import Attendant
 from autonomy.serving.desk import shifted
+from autonomy.serving.memory import clear_up
 from autonomy.serving.parts import Connected, Parts
 from autonomy.serving.watch import FlightWatch, Notes
 from hal.errors import HalError
@@ -102,6 +103,7 @@ class Missions:
                 why = f"a defect of this program: {type(cause).__name__}: {cause}"
                 report = _failed(route, why)
         self._keep(record.id, report)
+        clear_up()
 
     def _planned(self, order: MissionOrder, connected: Connected) -> Planned:
         """The order from where the vehicle stands; raises BadInput or DocumentError."""

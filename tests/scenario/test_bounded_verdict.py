@@ -12,8 +12,8 @@ from tools.bench.rooms import passage_m, room
 
 ROOMS, CLOSED_ROOMS = 24, 6
 FLOOR_M = Config().body.radius_m + Config().planner.hard_clearance_m
-SENSING_M = 0.03
-"""What range and position noise may take from each side of a gap (2 cm drift, 5 mm + 1 %)."""
+SENSING_M = 0.02
+"""What range and position noise may take from each side of a gap (5 mm + 1 %, and some drift)."""
 SAMPLING_M = 0.002
 CLIMB_S = 4.0
 """To change height by one storey, come to rest there, and plan at all of them."""
