@@ -133,7 +133,7 @@ class MoversConfig(Section):
     """Beyond body and mover: nearer than this nothing may be predicted to come."""
     horizon_s: Positive = 4.0
     """How far ahead it is predicted."""
-    escape_s: Annotated[float, Field(ge=2.0, le=12.0)] = 7.0
+    escape_s: Annotated[float, Field(ge=2.0, le=12.0)] = 5.0
     """How far ahead the way that may follow a first evasion is searched."""
     plan_ahead_s: NonNegative = 4.0
     """Plans keep clear of where movers will be within this; 0: of where they are only."""

@@ -37,7 +37,8 @@ class Continuations:
     def times_s(self, from_s: float, until_s: float) -> FloatArray:
         """When the cells are looked at: every step from `from_s`, until `until_s` or later."""
         steps = max(1, math.ceil((until_s - from_s) / self.step_s))
-        return from_s + self.step_s * np.arange(steps + 1)
+        times: FloatArray = from_s + self.step_s * np.arange(steps + 1, dtype=np.float64)
+        return times
 
     def of(
         self, point: Point, centres: FloatArray, touching_m: FloatArray, reaches_m: FloatArray
@@ -50,7 +51,7 @@ class Continuations:
         """
         barred = self._barred(reaches_m)
         gaps = self._gaps(point, centres, touching_m)
-        kept = gaps[-1]
+        kept: FloatArray = gaps[-1]
         kept[barred] = BARRED
         for gap in gaps[-2::-1]:
             kept = np.minimum(gap, _best_neighbour(kept))

@@ -40,7 +40,7 @@ HASTE = 0.6
 second to follow."""
 FIRST_S = 1.0
 """The first move lasts as long; what may follow it is searched for (autonomy/mission/escape.py)."""
-STRAIGHT = 0.1
+STRAIGHT = 0.5
 """Share of what flying straight on would keep, beside that: it decides between equals."""
 ENOUGH_M = 0.5
 """More distance than this is worth nothing more."""
