@@ -1,15 +1,17 @@
 """What flying does not need is given back, and what is given back can be used again."""
 
 import importlib
+import gc
 import subprocess
 import sys
+import weakref
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numba import njit
 
-from autonomy.serving.memory import code_of, drop_code, fold
+from autonomy.serving.memory import clear_up, code_of, drop_code, fold
 
 MAPS = """\
 7f00-7f10 r--p 00000000 fe:00 11 /opt/x/libllvmlite.so
@@ -48,6 +50,24 @@ def test_a_folded_kernel_computes_as_before_and_can_still_be_built_into_another(
     assert fold([loaded]) == 0
     assert loaded(4.0) == 12.0
     assert njit(lambda x: 1.0 + loaded(x))(2.0) == 7.0
+
+
+class Holder:
+    """Refers to itself, as the parts of a flight refer to each other."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+
+def test_what_a_mission_leaves_is_collected_when_it_is_over() -> None:
+    gc.disable()
+    try:
+        left = weakref.ref(Holder())
+        assert left() is not None
+        clear_up()
+        assert left() is None
+    finally:
+        gc.enable()
 
 
 def test_the_estimator_brings_no_statistics_along_and_hides_them_from_nobody() -> None:
