@@ -1,7 +1,7 @@
 """What flying does not need is given back, and what is given back can be used again."""
 
-import importlib
 import gc
+import importlib
 import subprocess
 import sys
 import weakref
