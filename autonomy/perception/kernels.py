@@ -457,14 +457,24 @@ def _take_cone(
     new[C_TAN] = tan
     new[C_ROUND] = 2.0 * length * math.sin(0.5 * new[C_ARC])
     bits = (1 << ARC_POINTS) - 1 if hit else 0
+    own = bits
     open_bits[at] = 0
     for c in range(CONES):
         if c == at or cones[c, C_STAMP] < stamp - CONE_AGE_S:
             continue
+        mine = cones[c, C_BEAM] == b
         if bits != 0:
             bits = _carve(bits, new, cones[c])
+        if mine and own != 0:
+            own = _carve(own, new, cones[c])
         if open_bits[c] != 0:
-            open_bits[c] = _carve(open_bits[c], cones[c], new)
+            left = _carve(open_bits[c], cones[c], new)
+            if left == 0 and not mine:
+                # Denied altogether by another beam: one of the two is wrong, and it may be that.
+                _settle(slot, points, evidence, cell_of, counters, params, cones[c], open_bits[c])
+            open_bits[c] = left
+    if bits == 0:
+        bits = own
     if bits != 0 and 2.0 * new[C_ARC] * length <= SHORT_ARC_M / cell:
         _settle(slot, points, evidence, cell_of, counters, params, new, bits)
         bits = 0

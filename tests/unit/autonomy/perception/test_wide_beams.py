@@ -41,10 +41,11 @@ def cone(
     kind: RayKind = RayKind.HIT,
     origin: Point = (0.0, 0.0),
     free_m: float = math.inf,
+    beam: int = 0,
 ) -> Ray:
     bearing, half = math.radians(bearing_deg), math.radians(HALF_DEG)
     place = (*origin, -1.0)
-    return Ray(stamp_s, 0, kind, place, bearing, 0.0, length_m, origin, half, free_m)
+    return Ray(stamp_s, beam, kind, place, bearing, 0.0, length_m, origin, half, free_m)
 
 
 def seen_bearings_deg(obstacles: ObstacleMap, now_s: float, away_m: float) -> FloatArray:
@@ -99,6 +100,33 @@ def test_a_short_arc_is_a_hit_at_once() -> None:
     hits = obstacles.hits()
     assert np.hypot(*hits.T) == pytest.approx(0.25, abs=0.001)
     assert np.ptp(hits[:, 1]) == pytest.approx(2.0 * 0.25 * math.sin(math.radians(14.0)), abs=0.02)
+    assert not obstacles.open_arcs()
+
+
+def deny(obstacles: ObstacleMap, beam: int, until_deg: float = 12.0) -> None:
+    """A beam that says free all over an arc at 0.8 m and 0 deg; at 6 deg the last of it."""
+    for bearing in np.arange(-12.0, until_deg + 0.1, 3.0).tolist():
+        stamp_s = 1.4 + 0.001 * bearing
+        obstacles.update(stamp_s, (cone(stamp_s, bearing, 1.0, RayKind.FREE, beam=beam),))
+
+
+def test_what_another_beam_alone_denies_is_there_all_the_same() -> None:
+    denied_before = new_map()
+    deny(denied_before, beam=1)
+    denied_before.update(1.5, (cone(1.5, 0.0, 0.8),))
+    (arc,) = denied_before.open_arcs()
+    assert len(arc) > 20
+    denied_after = new_map()
+    denied_after.update(0.9, (cone(0.9, 0.0, 0.8),))
+    deny(denied_after, beam=1, until_deg=6.0)
+    assert len(denied_after.hits()) > 0
+
+
+def test_a_beam_may_take_back_all_that_it_saw_itself() -> None:
+    obstacles = new_map()
+    obstacles.update(0.9, (cone(0.9, 0.0, 0.8),))
+    deny(obstacles, beam=0)
+    assert len(obstacles.hits()) == 0
     assert not obstacles.open_arcs()
 
 
