@@ -24,6 +24,7 @@ from autonomy.errors import BadInput
 from autonomy.flight import Flight
 from autonomy.flightlog.folder import make_room
 from autonomy.flightlog.recorder import FlightRecorder
+from autonomy.geometry import Point
 from autonomy.handover import hand_over
 from autonomy.mission.preflight import check_route
 from autonomy.model import OperatorCommand, Outcome
@@ -446,8 +447,12 @@ def report_of(
     tally: Tally,
     recorder: FlightRecorder | None,
     sensors: registry.Sensors,
+    origin_ne_m: Point = (0.0, 0.0),
 ) -> FlightReport:
-    """What the flight was; where beams were virtual, with what they know of it."""
+    """What the flight was; where beams were virtual, with what they know of it.
+
+    `origin_ne_m`: the take-off point in the frame of the service that flies.
+    """
     virtual = mission.config.beams.virtual()
     simulated = mission.scenario is not None
     report = tally.report(
@@ -458,6 +463,7 @@ def report_of(
         log_notes=recorder.notes() if recorder is not None else (),
         scenario=virtual.scenario if virtual is not None else mission.options.scenario,
         seed=virtual.seed if virtual else mission.options.seed if simulated else None,
+        origin_ne_m=origin_ne_m,
     )
     missed = near_miss(sensors)
     if missed is None:

@@ -5,6 +5,7 @@ Points are (north, east). Angles grow from north to east, as bearings do.
 
 import itertools
 import math
+from collections.abc import Iterable
 
 Point = tuple[float, float]
 
@@ -46,3 +47,8 @@ def segment_distance(p: Point, a: Point, b: Point) -> float:
 def polyline_length(points: tuple[Point, ...]) -> float:
     """Sum of the segment lengths."""
     return sum(distance(a, b) for a, b in itertools.pairwise(points))
+
+
+def moved(points: Iterable[Point], by: Point) -> tuple[Point, ...]:
+    """Every point moved by (north, east), in m."""
+    return tuple((north + by[0], east + by[1]) for north, east in points)

@@ -11,13 +11,13 @@ from autonomy.config import Config
 from autonomy.errors import NotReplayable
 from autonomy.flightlog.reader import FlightLog, ReplayResult, compare, replay
 from autonomy.flightlog.schema import Tick
-from autonomy.geometry import Point
+from autonomy.geometry import Point, moved
 from autonomy.mission.guarded import GuardedPilot
 from autonomy.model import Ending, Outcome, Plan
 from autonomy.report import FlightReport, with_truth
 from autonomy.service.logs import report_path
 from autonomy.tally import Tally
-from hal.config import validate_document
+from hal.config import Fence, validate_document
 from hal.sim.scenario import load_scenario
 
 
@@ -85,6 +85,7 @@ def report_of_log(path: Path) -> FlightReport:
         log_notes=notes,
         scenario=log.header.scenario or None,
         seed=log.header.seed,
+        origin_ne_m=log.offset_ne_m(),
     )
     kept = _kept_report(path)
     if kept is None or not kept.clearance_is_true:
@@ -109,8 +110,8 @@ def draw_log(path: Path, out: Path) -> None:
     """Draw the flight recorded at `path` into a PNG: over its scenario where there was one.
 
     The map is not in the log: the inputs are flown again, and the maps that the pilot had at the
-    end are drawn, of whatever height. Raises NotReplayable, DocumentError, BadInput as its parts
-    do.
+    end are drawn, of whatever height, in the frame of the service that flew it. Raises
+    NotReplayable, DocumentError, BadInput as its parts do.
     """
     log = FlightLog.open(path)
     config, route = recorded_config(log), log.route()
@@ -128,17 +129,25 @@ def draw_log(path: Path, out: Path) -> None:
             stops.append(decision.fused.point)
     hits = [(north, east) for north, east in guarded.pilot.sensing.maps.all_hits().tolist()]
     wanted_m = {-goal[2] for goal in route}
-    elsewhere = [stretch for stretch in tally.stretches if stretch[0] not in wanted_m]
+    origin = log.offset_ne_m()
+    elsewhere = [
+        (height_m, list(moved(track, origin)))
+        for height_m, track in tally.stretches
+        if height_m not in wanted_m
+    ]
+    fence = config.guard.fence
+    if origin != (0.0, 0.0):
+        fence = Fence(polygon_ne_m=moved(fence.outline_ne_m, origin))
     scenario = load_scenario(log.header.scenario) if log.header.scenario else None
     pictures.save_flight(
         out,
         scenario=scenario,
-        fence=config.guard.fence,
-        flown=tally.track,
-        legs=legs,
-        hits=hits,
-        stops=stops,
-        goal=(route[-1][0], route[-1][1]),
+        fence=fence,
+        flown=moved(tally.track, origin),
+        legs=[(kind, moved(points, origin)) for kind, points in legs],
+        hits=moved(hits, origin),
+        stops=moved(stops, origin),
+        goal=moved([(route[-1][0], route[-1][1])], origin)[0],
         heights=elsewhere,
         title=f"{tally.path_length_m:.2f} m in {tally.flight_time_s:.0f} s, {tally.stops} stops",
     )

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from autonomy.errors import ExitCode
+from autonomy.geometry import Point
 from autonomy.mission.flown import FlownLeg, by_radius
 from autonomy.model import (
     SOURCES,
@@ -104,6 +105,11 @@ class FlightReport(msgspec.Struct, frozen=True):
     """How the drift of the autopilot's frame stood at the end; None: it was not looked at."""
     wall_offset_max_m: float = 0.0
     """The most that the drift was."""
+    origin_ne_m: Point = (0.0, 0.0)
+    """Where the take-off point, about which `route_ned_m` is, lies in the frame of the service that
+    flew it: what its page shows. (0, 0) without a service."""
+    path_to_goal_m: float | None = None
+    """Of the path, what was flown before a return began; None in reports that do not know."""
     late_ticks: int = 0
     events: tuple[tuple[float, str, str], ...] = ()
     log_path: str | None = None
@@ -159,12 +165,24 @@ def report_table(report: FlightReport) -> "Table":
     return table
 
 
+def frame_words(origin_ne_m: Point) -> str:
+    """The frame in which positions of a flight are told to people, as its page showed them."""
+    if origin_ne_m == (0.0, 0.0):
+        return "about the take-off point"
+    north, east = origin_ne_m
+    return f"in the service's frame, where it took off at ({north:.2f}, {east:.2f}) m"
+
+
 def report_rows(report: FlightReport) -> list[tuple[str, str]]:
     """(name, value) of everything that was measured."""
-    goals = [f"({north:g}, {east:g}, {down:g})" for north, east, down in report.route_ned_m]
+    origin = report.origin_ne_m
+    goals = [
+        f"({round(north + origin[0], 3):g}, {round(east + origin[1], 3):g}, {down:g})"
+        for north, east, down in report.route_ned_m
+    ]
     rows = [
         ("", report.why),
-        ("goal, NED", " -> ".join(goals) + " m"),
+        ("goal, NED", f"{' -> '.join(goals)} m, {frame_words(origin)}"),
         ("flight time", f"{report.flight_time_s:.1f} s"),
         ("path flown", _path(report)),
         ("clearance", _clearance(report)),
@@ -176,7 +194,9 @@ def report_rows(report: FlightReport) -> list[tuple[str, str]]:
     if report.timing is not None and report.timing.replans:
         rows.append(("planning time", _planning(report.timing)))
     if report.path_bound is not None and report.path_bound.stretches:
-        rows.append(("path bound", _bound(report.path_bound, report.path_length_m)))
+        way_m = report.path_to_goal_m
+        way_m = report.path_length_m if way_m is None else way_m
+        rows.append(("path bound", _bound(report.path_bound, way_m)))
     if report.leg_kinds:
         rows.append(("legs", ", ".join(report.leg_kinds)))
     if report.legs:

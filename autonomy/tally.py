@@ -58,6 +58,9 @@ class Tally:
     """(height above the take-off point, track) of every stretch of way at one height."""
     walls: WallFixReport | None = None
     wall_offset_max_m: float = 0.0
+    path_to_goal_m: float = 0.0
+    """Before a return began."""
+    _returned: bool = False
     _airborne_s: float | None = None
 
     def note(self, command: Command, inputs: Inputs, step_s: float) -> None:
@@ -86,6 +89,9 @@ class Tally:
             self.track.append(fused.point)
         elif (step_m := distance(self.track[-1], fused.point)) > _TRACK_STEP_M:
             self.path_length_m += step_m
+            self._returned = self._returned or decision.state is MissionState.RETURN
+            if not self._returned:
+                self.path_to_goal_m += step_m
             self.legs.moved(decision.now_s, fused.point, step_m)
             self.track.append(fused.point)
         self._note_height(decision)
@@ -132,6 +138,7 @@ class Tally:
         log_notes: Sequence[str] = (),
         scenario: str | None = None,
         seed: int | None = None,
+        origin_ne_m: Point = (0.0, 0.0),
     ) -> FlightReport:
         """What the flight was; the clearance is the mapped one."""
         comfortable_m = config.body.radius_m + config.planner.comfortable_clearance_m
@@ -143,6 +150,8 @@ class Tally:
             route_ned_m=route_ned_m,
             flight_time_s=self.flight_time_s,
             path_length_m=self.path_length_m,
+            path_to_goal_m=self.path_to_goal_m,
+            origin_ne_m=origin_ne_m,
             straight_length_m=polyline_length(straight),
             stops=self.stops,
             replans=self.replans,

@@ -53,6 +53,8 @@ class FlightLog:
         self.header = header
         self.damage: str | None = None
         """After reading: why the log ends before its end, None when it was finished properly."""
+        self.share_read = 0.0
+        """While reading: how much of the file was read, from 0 to 1, a piece of it at a time."""
 
     @classmethod
     def open(cls, path: Path) -> "FlightLog":
@@ -136,7 +138,7 @@ class FlightLog:
         topics: dict[int, str] = {}
         self.damage = None
         try:
-            for record in _records(self.path):
+            for record in _records(self.path, self._heard):
                 if isinstance(record, Channel) and record.topic in TOPICS:
                     topics[record.id] = record.topic
                 elif isinstance(record, Message) and record.channel_id in topics:
@@ -148,6 +150,9 @@ class FlightLog:
             self.damage = f"{self.path}: the log was cut off; it is read up to there"
         except _DAMAGE as error:
             self.damage = f"{self.path}: the log is damaged and is read up to there ({error})"
+
+    def _heard(self, share: float) -> None:
+        self.share_read = share
 
     def _decoded(self, message: Message, topic: str) -> msgspec.Struct:
         try:
@@ -168,10 +173,14 @@ def is_ours(path: Path) -> bool:
     return isinstance(first, Header) and first.profile == PROFILE
 
 
-def _records(path: Path) -> Iterator[McapRecord]:
+def _records(
+    path: Path, tell_share: Callable[[float], None] = lambda _: None
+) -> Iterator[McapRecord]:
     with path.open("rb") as file:
         limit = path.stat().st_size  # no record is larger than its file, whatever its length says
-        yield from StreamReader(file, validate_crcs=True, record_size_limit=limit).records
+        for record in StreamReader(file, validate_crcs=True, record_size_limit=limit).records:
+            tell_share(file.tell() / limit)
+            yield record
 
 
 def _header(path: Path, text: str) -> FlightHeader:

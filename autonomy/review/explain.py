@@ -5,7 +5,9 @@ from bisect import bisect_right
 
 from autonomy.config import GuidanceConfig
 from autonomy.errors import BadInput
+from autonomy.geometry import moved
 from autonomy.model import MissionState, NoPlan, ObstacleKind
+from autonomy.report import frame_words
 from autonomy.review.history import History, Moment, Replan
 from autonomy.review.invariants import PATH_STATES
 from hal.vehicle.guard import WORDS, stopping_distance_m
@@ -68,10 +70,11 @@ def _where(history: History, moment: Moment) -> list[str]:
     north, east, _ = moment.position_ned_m
     goal = history.route[-1]
     gap_m = math.hypot(goal[0] - north, goal[1] - east)
+    ((shown_north, shown_east),) = moved([(north, east)], history.offset_ne_m)
     line = (
-        f"It was {north:.2f} m north and {east:.2f} m east of the take-off point, "
-        f"{moment.altitude_m:.2f} m up, {gap_m:.2f} m from the last goal, "
-        f"moving at {moment.speed_m_s:.2f} m/s."
+        f"It was at {shown_north:.2f} m north, {shown_east:.2f} m east "
+        f"{frame_words(history.offset_ne_m)}; it was {moment.altitude_m:.2f} m up, "
+        f"{gap_m:.2f} m from the last goal, moving at {moment.speed_m_s:.2f} m/s."
     )
     if not moment.streaming:
         return [line]

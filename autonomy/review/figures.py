@@ -9,10 +9,12 @@ import numpy as np
 
 from autonomy import pictures
 from autonomy.config import Config
+from autonomy.geometry import moved
 from autonomy.model import SOURCES, MissionState, ObstacleKind, Plan
 from autonomy.pictures import BLUE, GREEN, INK, LOW, ORANGE, PURPLE, SKY, SOLID_EDGE, VERMILION
 from autonomy.review.history import History, Moment, Replan
 from autonomy.review.ulog import Beside, FloatArray
+from hal.config import Fence
 from hal.sim.scenario import Scenario, load_scenario
 
 POINTS_MAX = 2000
@@ -32,16 +34,19 @@ STATE_COLOURS: dict[MissionState, str] = {
 
 
 def map_svg(history: History) -> str:
-    """The room from above: path, every plan's legs, hits, obstacles by class, stops."""
+    """The room from above, in the frame of the service that flew there: path, every plan's legs,
+    hits, obstacles by class, stops.
+    """
     figure, axes = pictures.new_figure()
-    scenario = load_scenario(history.scenario) if history.scenario else _empty(history.config)
-    goal = history.route[-1][:2]
+    by = history.offset_ne_m
+    scenario = load_scenario(history.scenario) if history.scenario else _empty(history)
+    (goal,) = moved([history.route[-1][:2]], by)
     world = scenario.model_copy(update={"goal_ne_m": goal})
     pictures.draw_scenario(axes, world, legend=False)
     plans = [replan.result for replan in history.replans if isinstance(replan.result, Plan)]
-    legs = [(leg.kind.value, leg.points) for plan in plans for leg in plan.legs]
+    legs = [(leg.kind.value, moved(leg.points, by)) for plan in plans for leg in plan.legs]
     discs = [
-        (obstacle.centre, obstacle.radius_m + plans[-1].keep_out_m)
+        (moved([obstacle.centre], by)[0], obstacle.radius_m + plans[-1].keep_out_m)
         for obstacle in (plans[-1].obstacles if plans else ())
         if obstacle.kind is ObstacleKind.DISCRETE
     ]
@@ -53,11 +58,11 @@ def map_svg(history: History) -> str:
     ]
     pictures.draw_flight(
         axes,
-        [m.position_ned_m[:2] for m in _thinned(flying)],
+        moved([m.position_ned_m[:2] for m in _thinned(flying)], by),
         legs=legs,
-        hits=history.hits,
+        hits=moved(history.hits, by),
         discs=discs,
-        stops=stops,
+        stops=moved(stops, by),
     )
     return _svg(figure)
 
@@ -233,9 +238,12 @@ def _thinned(moments: Sequence[Moment]) -> Sequence[Moment]:
     return moments[:: max(1, math.ceil(len(moments) / POINTS_MAX))]
 
 
-def _empty(config: Config) -> Scenario:
+def _empty(history: History) -> Scenario:
     """A flight in a real room: only the fence is known."""
-    return Scenario(name="flight", title="Flight", goal_ne_m=(0.0, 0.0), fence=config.guard.fence)
+    fence = history.config.guard.fence
+    if history.offset_ne_m != (0.0, 0.0):
+        fence = Fence(polygon_ne_m=moved(fence.outline_ne_m, history.offset_ne_m))
+    return Scenario(name="flight", title="Flight", goal_ne_m=(0.0, 0.0), fence=fence)
 
 
 def _svg(figure: Any) -> str:

@@ -29,7 +29,9 @@ from autonomy.model import (
     Outcome,
     Plan,
 )
+from autonomy.t3drm.bound import PathBound
 from autonomy.t3drm.classification import Linkage
+from autonomy.tally import Tally
 from hal.frames import Vector3
 from hal.interfaces import SeenSpace
 from hal.readings import StatusText
@@ -60,6 +62,8 @@ class Moment(msgspec.Struct, frozen=True):
     sent_ned_m_s: Vector3 | None
     events: tuple[Event, ...]
     health: FilterHealth
+    flown_m: float = 0.0
+    """The way flown by then, without that of a return."""
     doubts: tuple[BeamDoubt, ...] = ()
     faults: tuple[str, ...] = ()
 
@@ -104,6 +108,18 @@ class History:
     hits: tuple[Point, ...] = ()
     difference: str | None = None
     damage: str | None = None
+    offset_ne_m: Point = (0.0, 0.0)
+    """Where the mission frame begins in the frame of the service that flew it."""
+    tally: Tally = field(default_factory=Tally)
+    movers: bool = False
+    """True when something was seen to move."""
+
+    @property
+    def path_bound(self) -> PathBound:
+        """What TangentBug's bound allows for the obstacles met."""
+        config = self.config
+        comfortable_m = config.body.radius_m + config.planner.comfortable_clearance_m
+        return self.tally.bound.bound(comfortable_m, config.guard.fence)
 
     @property
     def events(self) -> list[Event]:
@@ -124,10 +140,11 @@ def history_of(path: Path) -> History:
     """
     log = FlightLog.open(path)
     config, route = recorded_config(log), log.route()
-    history = History(path, config, route, log.header.scenario)
+    history = History(path, config, route, log.header.scenario, offset_ne_m=log.offset_ne_m())
     guarded = GuardedPilot(config, route, log.resumed())
     for tick, difference in flown_again(log, guarded):
         history.difference = difference
+        history.tally.note(tick.command, tick.inputs, tick.step_s)
         _note(history, tick.command, guarded, tick.step_s)
     if not history.moments:
         raise NotReplayable(f"{path}: holds no complete tick; there is nothing to review")
@@ -164,10 +181,12 @@ def _note(history: History, command: Command, guarded: GuardedPilot, step_s: flo
             sent_ned_m_s=command.setpoint.velocity_ned_m_s if command.setpoint else None,
             events=decision.events,
             health=fused.health if fused is not None else FilterHealth(),
+            flown_m=history.tally.path_to_goal_m,
             doubts=decision.doubts,
             faults=decision.faults,
         )
     )
+    history.movers = history.movers or any(mover.moving for mover in decision.movers)
     history.limits.update(command.guard.limits)
     history.outcome = decision.outcome or history.outcome
     if decision.plan is not None:

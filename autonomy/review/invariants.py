@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 
 import msgspec
 
-from autonomy.model import MissionState
+from autonomy.model import Ending, MissionState
 from autonomy.review.history import History, Moment
 from hal.vehicle.guard import stopping_distance_m
 
@@ -31,6 +31,8 @@ class Verdict(msgspec.Struct, frozen=True):
     unit: str
     at_s: float | None
     broken_s: float | None
+    why_not: str = ""
+    """Why it was not judged, where the promise was not given for such a flight."""
 
     @property
     def kept(self) -> bool:
@@ -80,6 +82,7 @@ def check(history: History) -> tuple[Verdict, ...]:
         _judged(history, "fence", "the vehicle (its centre) stayed inside the fence", "m", fence),
         _judged(history, "altitude", "it flew its way inside the altitude band", "m", band),
         _judged(history, "speed", "no setpoint asked for more than the top speed", "m/s", speed),
+        _path(history),
         _verdict(
             "stream",
             f"no gap between setpoints was longer than the deadman's {deadman_s:g} s",
@@ -93,6 +96,30 @@ def check(history: History) -> tuple[Verdict, ...]:
             _after_hand_over(history),
         ),
     )
+
+
+def _path(history: History) -> Verdict:
+    """TangentBug's bound, from all that was met; broken when the way got longer than that."""
+    name, promise = "path", "the way to the goal was no longer than TangentBug's bound"
+    bound = history.path_bound
+    why_not = _no_bound(history, bound.stretches)
+    if why_not:
+        return Verdict(name, promise, None, "m", None, None, why_not)
+    start_s = history.start_s
+    left = ((m.now_s - start_s, bound.bound_m - m.flown_m) for m in history.moments)
+    return _verdict(name, promise, "m", left)
+
+
+def _no_bound(history: History, stretches: int) -> str:
+    """Why the bound says nothing of this flight, "" where it does."""
+    outcome = history.outcome
+    if not stretches:
+        return "no way was planned"
+    if history.movers:
+        return "something moved, and the bound is for what stays"
+    if outcome is not None and outcome.ending is Ending.UNREACHABLE:
+        return "the goal cannot be reached, and the bound is of a way to it"
+    return ""
 
 
 def _judged(

@@ -10,7 +10,7 @@ from string import Template
 from autonomy import __version__
 from autonomy.errors import BadInput
 from autonomy.model import SOURCES
-from autonomy.report import FlightReport, report_rows
+from autonomy.report import FlightReport, frame_words, report_rows
 from autonomy.review.explain import DOING, SPEED_ROWS, plan_words, speed_row
 from autonomy.review.figures import (
     estimator_svg,
@@ -65,7 +65,8 @@ _PAGE = Template("""<!doctype html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>$title</title><style>$style</style></head><body><main>
 <header><h1>$heading</h1><p>$why</p></header>
-<div class="two"><section><h2>From above</h2>$map</section>
+<div class="two"><section><h2>From above</h2><p class="quiet">North and east $frame.</p>
+$map</section>
 <section><h2>In numbers</h2>$numbers</section></div>
 <section><h2>What had to be true</h2>$invariants</section>
 <section><h2>Speed and distance</h2>
@@ -119,6 +120,7 @@ def page_of(history: History, report: FlightReport, beside: Beside | None = None
         style=_STYLE,
         heading=f'{escape(title)}: <span class="{"good" if good else "bad"}">{escape(word)}</span>',
         why=escape(report.why),
+        frame=escape(frame_words(history.offset_ne_m)),
         map=map_svg(history),
         numbers=_table((), numbers),
         invariants=_invariants(verdicts),
@@ -143,6 +145,8 @@ def _invariants(verdicts: Sequence[Verdict]) -> str:
             word = f'<span class="bad word">broken at {verdict.broken_s:.2f} s</span>'
         elif verdict.worst is None:
             word = '<span class="quiet">not tried</span>'
+            if verdict.why_not:
+                word = f'<span class="quiet">not judged: {escape(verdict.why_not)}</span>'
         else:
             word = '<span class="good word">kept</span>'
         left = "" if verdict.worst is None else f"{verdict.worst:.3g} {verdict.unit}"
@@ -290,7 +294,8 @@ def _px4(history: History, beside: Beside) -> str:
     return (
         "<section><h2>PX4's own log</h2>"
         f'<p class="quiet">{escape(beside_words(beside))} Solid: PX4\'s estimate; dotted: what its '
-        "controllers asked for; dashed: what this program heard. Purple: its mode.</p>"
+        "controllers asked for; dashed: what this program heard. Purple: its mode. Positions "
+        "are in PX4's local frame.</p>"
         f"{px4_svg(history, beside)}{_table(('since', 'mode'), rows)}</section>"
     )
 

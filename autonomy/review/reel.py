@@ -3,13 +3,14 @@
 The log is flown again, for it does not hold the map, and put before a watcher as slow as a person.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 
 from autonomy.errors import NotReplayable
 from autonomy.flightlog.reader import FlightLog
-from autonomy.geometry import Point
+from autonomy.geometry import moved
 from autonomy.logbook import recorded_config
 from autonomy.mission.guarded import GuardedPilot
 from autonomy.service import view
@@ -31,8 +32,10 @@ FRAMES_MAX = 3000
 """Ten minutes. A longer flight has frames farther apart."""
 
 
-def reel_of(path: Path) -> Reel:
+def reel_of(path: Path, tell_share: Callable[[float], None] = lambda _: None) -> Reel:
     """The flight recorded at `path`, in the frame of the service that flew it.
+
+    `tell_share` hears at every tick how much of the log is read, from 0 to 1.
 
     Raises NotReplayable when there is nothing to fly, DocumentError when its configuration is
     refused.
@@ -44,16 +47,17 @@ def reel_of(path: Path) -> Reel:
     clock = _Clock()
     station = Station(config, lambda _: None, clock.read)
     offset = log.offset_ne_m()
-    goals = _moved(tuple((goal[0], goal[1]) for goal in route), offset)
+    goals = moved(tuple((goal[0], goal[1]) for goal in route), offset)
     station.begin(FlownMission(path.stem, goals, offset))
     station.enter(Phase.FLYING, "the flight begins")
     room = view.room(config, log.header.scenario or None, token_required=False)
     # The recorded fence is in the mission's frame.
-    room = msgspec.structs.replace(room, fence=_moved(room.fence, offset))
+    room = msgspec.structs.replace(room, fence=moved(room.fence, offset))
     cursor = Cursor(station, room)
     frames: list[ReelFrame] = []
     period_s, at_s = PERIOD_S, 0.0
     for tick in log:
+        tell_share(log.share_read)
         start_s = tick.inputs.now_s if start_s is None else start_s
         at_s = tick.inputs.now_s - start_s
         clock.at_s = at_s
@@ -77,10 +81,6 @@ class _Clock:
 
     def read(self) -> str:
         return f"{self.at_s:.2f}"
-
-
-def _moved(points: tuple[Point, ...], offset: Point) -> tuple[Point, ...]:
-    return tuple((north + offset[0], east + offset[1]) for north, east in points)
 
 
 def _half(frames: list[ReelFrame]) -> list[ReelFrame]:

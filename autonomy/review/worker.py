@@ -1,7 +1,7 @@
 """The service's hand for what takes seconds: `python -m autonomy.review.worker reel|report LOG`.
 
-Writes gzip to standard output. Stands back from whatever flies on this computer: least priority,
-and the first to go where memory is short.
+Writes gzip to standard output, and how much of the log is read to standard error. Stands back from
+whatever flies on this computer: least priority, and the first to go where memory is short.
 """
 
 import contextlib
@@ -25,12 +25,26 @@ _NICE = 10
 
 def reel(log: Path) -> bytes:
     """The flight for the page, as JSON."""
-    return msgspec.json.encode(reel_of(log))
+    return msgspec.json.encode(reel_of(log, Teller().tell))
 
 
 def report(log: Path) -> bytes:
     """The flight's page, as HTML."""
     return page_of(history_of(log), report_of_log(log)).encode()
+
+
+class Teller:
+    """Says on standard error how much of a log is read, at every hundredth: `share 0.42`."""
+
+    def __init__(self) -> None:
+        self._told = -1
+
+    def tell(self, share: float) -> None:
+        """`share` is read, from 0 to 1."""
+        hundredths = int(100.0 * share)
+        if hundredths != self._told:
+            self._told = hundredths
+            print(f"share {hundredths / 100.0:.2f}", file=sys.stderr, flush=True)
 
 
 MADE = {"reel": reel, "report": report}

@@ -103,6 +103,7 @@ class Api:
             Route("/v1/resume", self._command(OperatorCommand.RESUME), methods=post),
             Route("/v1/land", self._command(OperatorCommand.LAND), methods=post),
             Route("/v1/logs", self._logs, methods=get),
+            Route("/v1/reading", self._reading, methods=get),
             Route("/v1/logs/{name}", self._log, methods=get),
             Route("/v1/logs/{name}/reel", self._reel, methods=get),
             Route("/v1/logs/{name}/report", self._report, methods=get),
@@ -166,6 +167,9 @@ class Api:
 
     async def _logs(self, _: Request) -> Response:
         return answered(await asyncio.to_thread(logs.listed, self._log_folder))
+
+    async def _reading(self, _: Request) -> Response:
+        return answered(self._workshop.reading)
 
     async def _log(self, request: Request) -> Response:
         path = await self._found(request)

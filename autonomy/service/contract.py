@@ -286,6 +286,13 @@ class Problem(msgspec.Struct, frozen=True):
     error: str
 
 
+class Reading(msgspec.Struct, frozen=True):
+    """The flight log that a reel or a report is being made of, and the share that is read."""
+
+    log: str | None = None
+    share: float = 0.0
+
+
 class LogFile(msgspec.Struct, frozen=True):
     """One flight log; `report` is the flight's report when the service flew it."""
 

@@ -16,6 +16,7 @@ _TYPES = (
     contract.MissionRecord,
     contract.FaultView,
     contract.LogFile,
+    contract.Reading,
     contract.Reel,
     contract.Problem,
 )
@@ -132,6 +133,9 @@ def _paths() -> dict[str, Any]:
         "/v1/resume": {"post": _orders("Go on after hold", refused)},
         "/v1/land": {"post": _orders("Land here, now", refused)},
         "/v1/logs": {"get": _reads("Flight logs, newest first", "LogFile", many=True)},
+        "/v1/reading": {
+            "get": _reads("What is being made of which log, and how much of it is read", "Reading")
+        },
         "/v1/logs/{name}": {
             "parameters": [log_name],
             "get": {

@@ -6,15 +6,19 @@ stands back by itself (`autonomy.review.worker`), and is ended when nobody waits
 
 import asyncio
 import contextlib
+import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 
 from autonomy.errors import BadInput
+from autonomy.service.contract import Reading
 
 WORKER = (sys.executable, "-m", "autonomy.review.worker")
 _BYTES_MAX = 32 * 1024 * 1024
 _SENTENCE_MAX = 400
+_SAID_MAX = 8192
+_SHARE = re.compile(rb"^share ([01]\.[0-9]{2})$", re.MULTILINE)
 
 
 class Busy(BadInput):
@@ -23,8 +27,8 @@ class Busy(BadInput):
 
 class Workshop:
     """Makes things out of logs. `commands` are program and first arguments by what is made; the
-    log's path is added. A program writes gzip to its standard output, or a sentence to its standard
-    error.
+    log's path is added. A program writes gzip to its standard output; to its standard error how
+    much of the log it has read (`share 0.42`), or a sentence.
     """
 
     def __init__(
@@ -35,6 +39,12 @@ class Workshop:
         self._commands = commands
         self._timeout_s = timeout_s
         self._at_work = False
+        self._reading = Reading()
+
+    @property
+    def reading(self) -> Reading:
+        """The log that something is made of now, and how far that is."""
+        return self._reading
 
     @property
     def at_work(self) -> bool:
@@ -50,10 +60,12 @@ class Workshop:
         if self._at_work:
             raise Busy("another flight is being read just now; try again in a few seconds")
         self._at_work = True
+        self._reading = Reading(log.name, 0.0)
         try:
             return await self._made(what, log)
         finally:
             self._at_work = False
+            self._reading = Reading()
 
     async def _made(self, what: str, log: Path) -> bytes:
         process = await asyncio.create_subprocess_exec(
@@ -65,7 +77,10 @@ class Workshop:
         )
         try:
             async with asyncio.timeout(self._timeout_s):
-                made, said = await process.communicate()
+                made, said = await asyncio.gather(
+                    _whole(process.stdout), self._hear(log.name, process.stderr)
+                )
+                await process.wait()
         except TimeoutError:
             raise BadInput(
                 f"{log.name}: reading it took over {self._timeout_s:g} s; use autonomy report"
@@ -76,8 +91,22 @@ class Workshop:
                     process.kill()
                 await process.wait()
         if process.returncode != 0:
-            lines = said.decode("utf-8", "replace").strip().splitlines()
+            lines = _SHARE.sub(b"", said).decode("utf-8", "replace").strip().splitlines()
             raise BadInput(lines[-1][:_SENTENCE_MAX] if lines else f"{log.name}: cannot be read")
         if len(made) > _BYTES_MAX:
             raise BadInput(f"{log.name}: too long a flight for the page; use autonomy report")
         return made
+
+    async def _hear(self, name: str, errors: asyncio.StreamReader | None) -> bytes:
+        """What a program says, its end if it says much; how far it is is noted meanwhile."""
+        said = b""
+        while errors is not None and (more := await errors.read(_SAID_MAX)):
+            said = (said + more)[-_SAID_MAX:]
+            shares = _SHARE.findall(said)
+            if shares:
+                self._reading = Reading(name, float(shares[-1]))
+        return said
+
+
+async def _whole(stream: asyncio.StreamReader | None) -> bytes:
+    return b"" if stream is None else await stream.read()

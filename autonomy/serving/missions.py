@@ -158,7 +158,13 @@ class Missions:
             self.flight = None
             self._hand_back(flight, planned.offset, connected)
         report = app.report_of(
-            mission, planned.route, outcome, flight.tally, recorder, connected.sensors
+            mission,
+            planned.route,
+            outcome,
+            flight.tally,
+            recorder,
+            connected.sensors,
+            planned.offset,
         )
         truth = parts.true_clearance_m
         return report if truth is None else with_truth(report, truth())

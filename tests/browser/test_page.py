@@ -5,6 +5,7 @@ matter of how fast this computer is.
 """
 
 import re
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -125,6 +126,7 @@ def test_a_flight_is_flown_with_the_keyboard_alone_and_watched_to_its_goal(page:
     expect(page.locator("#phase")).to_have_text("ready")
     expect(page.locator("#events")).to_contain_text("goal")
     expect(page.locator("#flights li").first).to_contain_text("goal reached")
+    expect(page.locator("#n-mode")).to_have_text("disarmed")
 
 
 def test_a_past_flight_is_looked_back_at_with_the_keyboard(page: Page) -> None:
@@ -152,6 +154,55 @@ def test_a_past_flight_is_looked_back_at_with_the_keyboard(page: Page) -> None:
     expect(page.locator("#back")).to_be_hidden()
     expect(page.locator("#why")).not_to_have_text(said)
     expect(page.locator("#n-state")).to_have_text("ready")
+
+
+def test_reading_a_past_flight_shows_how_far_it_is_and_can_be_taken_back(page: Page) -> None:
+    """The service's own answer is held back, as that of a flight of hours would be."""
+    waiting = threading.Event()
+    page.route("**/reel", lambda _: waiting.set())
+    flight = page.locator("#flights li").last
+    button = flight.get_by_role("button", name="Look back at")
+    name = (button.get_attribute("aria-label") or "").removeprefix("Look back at ")
+    page.route("**/v1/reading", lambda route: route.fulfill(json={"log": name, "share": 0.42}))
+    button.click()
+    expect(page.locator("#reading-name")).to_have_text(name)
+    expect(page.locator("#reading-share")).to_have_js_property("value", 0.42)
+    expect(page.locator("#stop")).to_be_in_viewport(ratio=1.0)
+    assert waiting.is_set()
+    page.click("#reading-cancel")
+    expect(page.locator("#reading")).to_be_hidden()
+    expect(page.locator("#said")).to_contain_text("is not read any further")
+    expect(page.locator("#back")).to_be_hidden()
+    page.unroute_all()
+    button.click()
+    expect(page.locator("#back-time")).to_contain_text("0.0 of")
+    page.click("#back-live")
+
+
+def test_the_legend_names_everything_that_is_drawn(page: Page) -> None:
+    page.locator("#legend summary").click()
+    legend = page.locator("#legend")
+    for word in (
+        "discrete",
+        "continuous",
+        "keep-out",
+        "tangent",
+        "hyperbola",
+        "not chosen",
+        "beam that hits",
+        "geofence",
+        "flown",
+        "goal",
+        "bars the way",
+        "moves",
+    ):
+        expect(legend).to_contain_text(word)
+    page.set_viewport_size(NARROW)
+    box, view = legend.bounding_box(), page.locator("#view").bounding_box()
+    assert box is not None
+    assert view is not None
+    assert view["y"] <= box["y"]
+    assert box["x"] + box["width"] <= NARROW["width"]
 
 
 def test_a_past_flight_has_its_report_as_a_page_of_its_own(page: Page) -> None:

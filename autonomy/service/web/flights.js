@@ -7,6 +7,7 @@ import { Reel } from "./scene.js";
 const SHOWN = 20;
 const READING_MS = 310000;
 const PLAY_MS = 100;
+const SHARE_MS = 500;
 
 /** Looks back at one flight at a time. Calls `onScene(scene, reel)` at each moment, `onLive()` after. */
 export class LookBack {
@@ -14,6 +15,8 @@ export class LookBack {
     Object.assign(this, { onScene, onLive });
     this.reel = null;
     this.playing = null;
+    this.reading = null;
+    $("reading-cancel").onclick = () => this.reading?.abort();
     $("back-slider").oninput = () => this.at($("back-slider").valueAsNumber);
     $("back-play").onclick = () => (this.playing ? this.pause() : this.play());
     $("back-live").onclick = () => this.close();
@@ -26,13 +29,9 @@ export class LookBack {
 
   async open(name) {
     this.pause();
-    say(`reading ${name} ...`);
-    try {
-      this.reel = new Reel(await ask("GET", path(name, "reel"), undefined, READING_MS));
-    } catch (error) {
-      return say(error.message, true);
-    }
-    say("");
+    const reel = await this.read(name);
+    if (!reel) return;
+    this.reel = reel;
     document.body.classList.add("looking-back");
     $("back").hidden = false;
     $("back-name").textContent = name;
@@ -40,6 +39,35 @@ export class LookBack {
     slider.max = this.reel.duration.toFixed(1);
     this.at(0);
     slider.focus();
+  }
+
+  /** The flight, or null: it cannot be read, was taken back, or another one is read instead. */
+  async read(name) {
+    this.reading?.abort();
+    const reading = this.reading = new AbortController();
+    say("");
+    $("reading-name").textContent = name;
+    $("reading-share").value = 0;
+    $("reading").hidden = false;
+    const watching = setInterval(() => this.showShare(name, reading), SHARE_MS);
+    try {
+      return new Reel(await ask("GET", path(name, "reel"), undefined, READING_MS, reading.signal));
+    } catch (error) {
+      if (!reading.signal.aborted) say(error.message, true);
+      else if (reading === this.reading) say(`${name} is not read any further`);
+      return null;
+    } finally {
+      clearInterval(watching);
+      if (reading === this.reading) {
+        this.reading = null;
+        $("reading").hidden = true;
+      }
+    }
+  }
+
+  async showShare(name, reading) {
+    const { log, share } = await ask("GET", "/v1/reading").catch(() => ({}));
+    if (log === name && reading === this.reading) $("reading-share").value = share;
   }
 
   get isOpen() {

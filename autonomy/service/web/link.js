@@ -24,8 +24,11 @@ export function keepToken(value) {
   localStorage.setItem(TOKEN_KEY, value);
 }
 
-/** Ask the service; resolves to its JSON, throws an Error with its sentence (and `status`). */
-export async function ask(method, path, body, patience = 4000) {
+/**
+ * Ask the service; resolves to its JSON, throws an Error with its sentence (and `status`).
+ * `takenBack` is a signal that ends the asking.
+ */
+export async function ask(method, path, body, patience = 4000, takenBack = undefined) {
   const headers = {};
   if (token()) headers.Authorization = `Bearer ${token()}`;
   if (body !== undefined) headers["Content-Type"] = "application/json";
@@ -35,9 +38,10 @@ export async function ask(method, path, body, patience = 4000) {
       method,
       headers,
       body: body === undefined ? undefined : JSON.stringify(body),
-      signal: AbortSignal.timeout(patience),
+      signal: AbortSignal.any([AbortSignal.timeout(patience), ...(takenBack ? [takenBack] : [])]),
     });
   } catch {
+    if (takenBack?.aborted) throw new Error("taken back");
     throw new Error("the service does not answer");
   }
   const answer = await response.json().catch(() => ({}));

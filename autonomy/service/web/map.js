@@ -336,7 +336,8 @@ export class RoomMap {
       c.lineWidth = 2;
       c.beginPath(); c.arc(x, y, 8, 0, 2 * Math.PI); c.stroke();
       c.beginPath(); c.arc(x, y, 2.5, 0, 2 * Math.PI); c.fill();
-      if (goals.length > 1) c.fillText(String(index + 1), x + 11, y - 6);
+      c.font = "12px system-ui, sans-serif";
+      c.fillText(goals.length > 1 ? `goal ${index + 1}` : "goal", x + 11, y - 6);
     });
   }
 

@@ -13,7 +13,7 @@ export function showWords(state) {
   put("n-replans", flight ? `${flight.stops} / ${flight.replans}` : dash);
   put("n-speed", vehicle ? `${vehicle.speed_m_s.toFixed(2)} m/s` : dash);
   put("n-height", vehicle ? `${Math.max(0, vehicle.height_m).toFixed(2)} m` : dash);
-  put("n-mode", vehicle ? vehicle.mode : dash);
+  put("n-mode", vehicle ? mode(vehicle) : dash);
   const limits = guard?.limits ?? [];
   put("n-guard", limits.length ? limits.join(", ").replaceAll("_", " ") : guard ? "open" : dash, limits.length ? "warn" : "");
   put("guard-why", limits.length ? `Guard: ${guard.why.join("; ")}.` : "", "quiet small");
@@ -23,6 +23,9 @@ export function showWords(state) {
   faults(state);
   filter(state.filter);
 }
+
+// PX4 keeps the last flight's mode on the ground: "land" would say that it is still landing.
+const mode = (vehicle) => (vehicle.armed ? vehicle.mode : "disarmed");
 
 const clearance = (metres) => (metres >= 1 ? "over 1 m" : `${metres.toFixed(2)} m`);
 

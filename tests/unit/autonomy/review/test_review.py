@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from html import escape
 from html.parser import HTMLParser
 from itertools import islice, pairwise
 from pathlib import Path
@@ -25,11 +26,14 @@ from autonomy.model import (
     BeamDoubt,
     BeamWord,
     Command,
+    Ending,
     Environment,
     Event,
     FilterHealth,
     MissionState,
+    Outcome,
 )
+from autonomy.report import report_rows
 from autonomy.review import reel as reel_module
 from autonomy.review import worker
 from autonomy.review.explain import DOING, explain, speed_rule
@@ -38,6 +42,7 @@ from autonomy.review.invariants import PATH_STATES, Verdict, check
 from autonomy.review.page import guard_stretches, page_of
 from autonomy.review.reel import PERIOD_S, reel_of
 from autonomy.service.contract import EventView, Hits, PlanView, Reel, Room, State, Track
+from autonomy.tally import Tally
 from hal.readings import FlightMode
 from hal.vehicle import guard
 from tests.support.recorded import fly
@@ -200,6 +205,49 @@ class Balance(HTMLParser):
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
+
+
+def test_a_way_longer_than_the_bound_breaks_it_where_it_got_longer(history: History) -> None:
+    bound_m = history.path_bound.bound_m
+    assert verdict(history, "path").kept
+    last = len(history.moments) - 1
+    longer = altered(history, last, flown_m=bound_m + 0.2)
+    broken = verdict(longer, "path")
+    assert broken.broken_s == history.moments[last].now_s - history.start_s
+    assert broken.worst == pytest.approx(-0.2)
+
+
+def test_the_bound_is_not_judged_where_it_was_not_promised(history: History) -> None:
+    unreachable = Outcome(Ending.UNREACHABLE, "closed in")
+    for changed, why in (
+        (replace(history, outcome=unreachable), "cannot be reached"),
+        (replace(history, movers=True), "something moved"),
+        (replace(history, tally=Tally()), "no way was planned"),
+    ):
+        judged = verdict(changed, "path")
+        assert judged.kept
+        assert judged.worst is None
+        assert why in judged.why_not
+        assert f"not judged: {judged.why_not}" in page_of(changed, report_of_log(history.path))
+
+
+def test_report_explanation_and_map_tell_positions_as_the_service_s_page_did(
+    history: History,
+) -> None:
+    at_s = history.moments[cruising(history)].now_s - history.start_s
+    north, east, _ = history.moments[cruising(history)].position_ned_m
+    alone = explain(history, at_s)
+    assert f"at {north:.2f} m north, {east:.2f} m east about the take-off point" in alone
+    served = replace(history, offset_ne_m=(2.0, -1.0))
+    words = "in the service's frame, where it took off at (2.00, -1.00) m"
+    told = explain(served, at_s)
+    assert f"at {north + 2.0:.2f} m north, {east - 1.0:.2f} m east {words}" in told
+    report = msgspec.structs.replace(report_of_log(history.path), origin_ne_m=(2.0, -1.0))
+    goal = history.route[-1]
+    assert dict(report_rows(report))["goal, NED"] == (
+        f"({goal[0] + 2.0:g}, {goal[1] - 1.0:g}, {goal[2]:g}) m, {words}"
+    )
+    assert escape(words) in page_of(served, report)
 
 
 def test_the_page_is_one_file_that_fetches_nothing(history: History) -> None:

@@ -20,7 +20,7 @@ from autonomy.mission.failsafe import Fault
 from autonomy.model import Ending, OperatorCommand, Outcome
 from autonomy.service import api
 from autonomy.service.api import ORDERS_BURST, Api
-from autonomy.service.contract import MissionOrder, Phase
+from autonomy.service.contract import MissionOrder, Phase, Reading
 from autonomy.service.gate import BODY_BYTES_MAX, REQUESTS_BURST, Access, Bucket, Gate
 from autonomy.service.metrics import Metrics
 from autonomy.service.sightings import ending_faults
@@ -487,6 +487,25 @@ async def test_one_thing_is_made_at_a_time_and_none_when_nobody_waits(tmp_path: 
             await workshop.make("reel", tmp_path)
         first.cancel()
     assert first.cancelled()
+
+
+async def test_how_much_of_a_log_is_read_is_told_while_it_is(tmp_path: Path) -> None:
+    code = "import sys, time; print('share 0.41\\nshare 0.42', file=sys.stderr, flush=True)"
+    workshop = Workshop({"reel": (sys.executable, "-c", f"{code}; time.sleep(60)")})
+    assert workshop.reading == Reading()
+    async with asyncio.TaskGroup() as group:
+        making = group.create_task(workshop.make("reel", tmp_path / "a.mcap"))
+        for _ in range(6000):
+            if workshop.reading.share > 0.0:
+                break
+            await asyncio.sleep(0.01)
+        assert workshop.reading == Reading("a.mcap", 0.42)
+        making.cancel()
+    assert workshop.reading == Reading()
+
+
+def test_nothing_is_read_where_nobody_looks_back(client: TestClient) -> None:
+    assert client.get("/v1/reading").json() == {"log": None, "share": 0.0}
 
 
 def test_faults_are_told_with_what_was_seen_of_them(client: TestClient, station: Station) -> None:
