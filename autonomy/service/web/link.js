@@ -38,7 +38,8 @@ export async function ask(method, path, body, patience = 4000, takenBack = undef
       method,
       headers,
       body: body === undefined ? undefined : JSON.stringify(body),
-      signal: AbortSignal.any([AbortSignal.timeout(patience), ...(takenBack ? [takenBack] : [])]),
+      // Not every browser knows "any": orders go without it.
+      signal: takenBack ? AbortSignal.any([AbortSignal.timeout(patience), takenBack]) : AbortSignal.timeout(patience),
     });
   } catch {
     if (takenBack?.aborted) throw new Error("taken back");
