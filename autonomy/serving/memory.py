@@ -21,7 +21,7 @@ def settle() -> None:
     """After everything was loaded and compiled, and before anything flies.
 
     The compiler's code (70 MB) is dropped from this process; the kernel brings back what is called
-    again. So is what it would need to build the kernels into others (25 MB). What was loaded since
+    again. So is what it would need to build the kernels into others (18 MB). What was loaded since
     the warm-up is kept like the rest.
     """
     fold(kernels())
