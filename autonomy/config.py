@@ -131,7 +131,7 @@ class MoversConfig(Section):
     retreat_speed_m_s: Positive = 0.12
     clearance_m: Positive = 0.2
     """Beyond body and mover: nearer than this nothing may be predicted to come."""
-    horizon_s: Positive = 4.0
+    horizon_s: Annotated[float, Field(ge=1.0)] = 4.0
     """How far ahead it is predicted."""
     escape_s: Annotated[float, Field(ge=2.0, le=12.0)] = 5.0
     """How far ahead the way that may follow a first evasion is searched."""

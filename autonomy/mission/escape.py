@@ -3,7 +3,8 @@
 A way that is good for four seconds may end in a corner which the movers close. So a first move is
 judged by the best that can follow it: on a grid round the vehicle, step by step backwards from the
 horizon, each cell keeps the greatest least distance to the movers that any way from there on has.
-Cells that no bearing from the vehicle is seen free to are no way; a way may always wait.
+Cells that no bearing from the vehicle is seen free to are no way (rounded to cells, so that of the
+last 8 cm of a bearing some are left out); a way may wait in any other.
 """
 
 import math
@@ -28,6 +29,7 @@ class Continuations:
 
     def __init__(self, speed_m_s: float) -> None:
         """`speed_m_s` is what the vehicle flies at most; diagonal steps take a fifth more."""
+        self.speed_m_s = speed_m_s
         self.step_s = 1.2 * CELL_M / speed_m_s
         offsets = np.arange(-REACH_CELLS, REACH_CELLS + 1) * CELL_M
         self._north, self._east = np.meshgrid(offsets, offsets, indexing="ij")

@@ -2,8 +2,9 @@
 
 Every tick the motion that is planned (or staying) is carried on for `movers.horizon_s`, and so is
 every mover. Where they come too near, the alternatives are staying and sixteen bearings at full
-speed, as far as each was seen free; the one that keeps the greatest distance is flown. Its Table 1
-direction names it. Pure: it remembers only what it is doing.
+speed, as far as each was seen free. Each is worth the distance it keeps in its first second and
+with the best that can follow, and half of what it keeps flown straight on; the best is flown, and
+its Table 1 direction names it. Pure: it remembers only what it is doing.
 """
 
 import math
@@ -41,7 +42,7 @@ second to follow."""
 FIRST_S = 1.0
 """The first move lasts as long; what may follow it is searched for (autonomy/mission/escape.py)."""
 STRAIGHT = 0.5
-"""Share of what flying straight on would keep, beside that: it decides between equals."""
+"""Share of what flying straight on keeps, beside that: guesses for later are mostly doubt."""
 ENOUGH_M = 0.5
 """More distance than this is worth nothing more."""
 KEEP_M = 0.06
@@ -104,8 +105,7 @@ class MakingWay:
         self._full_m_s = self._speed_m_s = config.guidance.speed_max_m_s
         self._times = np.arange(0.0, config.movers.horizon_s + 1e-9, STEP_S)
         self._first = int(np.searchsorted(self._times, FIRST_S)) + 1
-        self._after = Continuations(config.guidance.speed_max_m_s)
-        self._later = self._after.times_s(FIRST_S, config.movers.escape_s)
+        self._after = Continuations(self._full_m_s)
         angles = [2.0 * math.pi * k / BEARINGS for k in range(BEARINGS)]
         self._headings = np.array([(math.cos(a), math.sin(a)) for a in angles])
         self._angles = angles
@@ -142,10 +142,16 @@ class MakingWay:
         if planned_m >= enough_m:
             self.stop()
             return None
-        self._speed_m_s = min(self._full_m_s, speed_max_m_s)
+        self._at_most(min(self._full_m_s, speed_max_m_s))
         return self._choose(now_s, fused, planned_ne_m_s, near, tubes, space)
 
     # ------------------------------------------------------------ inside
+
+    def _at_most(self, speed_m_s: float) -> None:
+        """From now on it is as fast as that, and what follows a first move is, too."""
+        if 0.0 < speed_m_s != self._after.speed_m_s:
+            self._after = Continuations(speed_m_s)
+        self._speed_m_s = speed_m_s
 
     def _tubes(self, movers: list[MovingObstacle], t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Centres (movers, times, 2) and what counts as touching them (movers, times), m."""
@@ -179,7 +185,7 @@ class MakingWay:
         )
         return ways
 
-    def _kept_m(
+    def _worth_m(
         self,
         fused: FusedState,
         ways: FloatArray,
@@ -187,11 +193,12 @@ class MakingWay:
         near: list[MovingObstacle],
         tubes: tuple[FloatArray, FloatArray],
     ) -> FloatArray:
-        """(k,) what is kept of each way flown for FIRST_S and of the best that can follow, at most
-        ENOUGH_M; of equals the one is worth more that is good to go on with.
+        """(k,) what each way keeps if it is flown for FIRST_S and the best is made of it then, at
+        most ENOUGH_M, and STRAIGHT of what it keeps if it is flown on.
         """
         gaps = _gaps_m(ways, tubes)
-        centres, touching_m = self._tubes(near, self._later)
+        later = self._after.times_s(FIRST_S, self._config.escape_s)
+        centres, touching_m = self._tubes(near, later)
         after = self._after.of(fused.point, centres, touching_m, reaches_m)
         following = self._after.at(after, fused.point, ways[:, self._first - 1])
         kept = np.minimum(gaps[:, : self._first].min(axis=1), following)
@@ -208,12 +215,12 @@ class MakingWay:
         tubes: tuple[FloatArray, FloatArray],
         space: SeenSpace,
     ) -> Evasion:
-        """The motion that keeps the most distance; staying where nothing is better."""
+        """The motion that is worth most; staying where nothing is better."""
         position = fused.position_ned_m
         reaches = [space.free_distance_m(position, angle, REACH_M, now_s) for angle in self._angles]
         velocities = np.concatenate((self._headings * self._speed_m_s, np.zeros((1, 2))))
         ways = self._ways(fused, velocities, np.array([*reaches, 0.0]))
-        worth = self._kept_m(fused, ways, np.array(reaches), near, tubes)
+        worth = self._worth_m(fused, ways, np.array(reaches), near, tubes)
         # Of equals, the one nearest to the plan, and whichever is being flown already.
         along = velocities @ np.array(planned_ne_m_s) / (self._full_m_s * self._full_m_s)
         worth += 0.02 * along + 0.01 * np.array([*(min(r, 0.5) for r in reaches), 0.0])

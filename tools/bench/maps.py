@@ -19,7 +19,7 @@ from autonomy.geometry import Point
 Floats = NDArray[np.float64]
 
 KEEP_OUT_M = 0.20
-"""Body radius 0.15 m and the planner's hard clearance of 0.05 m."""
+"""Body radius 0.15 m and 0.05 m of clearance."""
 MARGIN_M = 1.0
 """How far the rectangle reaches beyond the arena: going round the outside is allowed."""
 CORNER_M = 0.3

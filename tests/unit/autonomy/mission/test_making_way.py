@@ -1,12 +1,14 @@
 import math
 
 import msgspec
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from autonomy.config import Config
 from autonomy.geometry import Point
-from autonomy.mission.making_way import Evasion, MakingWay, predicted_hits
+from autonomy.mission.making_way import FIRST_S, Evasion, MakingWay, predicted_hits
 from autonomy.model import FusedState, MovingObstacle
 from autonomy.t3drm.direction import Direction
 from hal.frames import Vector3
@@ -108,6 +110,23 @@ def test_it_makes_way_no_faster_than_the_beams_that_are_left_allow() -> None:
     fast = advise(coming, speed_m_s=2.0 * SPEED_M_S)
     assert fast is not None
     assert math.isclose(math.hypot(*fast.velocity_ne_m_s), SPEED_M_S)
+
+
+def test_what_may_follow_is_flown_no_faster_than_the_beams_allow_either() -> None:
+    slow_m_s = 0.4 * SPEED_M_S
+    guidance = CONFIG.guidance.model_copy(update={"speed_max_m_s": slow_m_s})
+    slow = MakingWay(CONFIG.model_copy(update={"guidance": guidance}))
+    both = (mover((0.9, 0.2), (-0.2, 0.0)), mover((-0.8, 0.3), (0.1, 0.0)))
+    limited = advise(*both, speed_m_s=slow_m_s)
+    assert limited is not None
+    assert limited == advise(*both, way=slow, speed_m_s=slow_m_s)
+
+
+def test_a_horizon_is_no_shorter_than_the_first_move() -> None:
+    with pytest.raises(ValidationError, match="horizon_s"):
+        Config.model_validate({"movers": {"horizon_s": 0.5}})
+    advised = MakingWay(Config.model_validate({"movers": {"horizon_s": FIRST_S}}))
+    assert advise(mover((0.5, 0.0), (-0.25, 0.0)), way=advised) is not None
 
 
 def test_with_too_few_beams_left_it_waits() -> None:
