@@ -55,12 +55,12 @@ def refused(*arguments: str) -> str:
         (
             ["--goal", "1.15,0.85", "--sim"],
             "the goal (1.15, 0.85) is inside the obstacle 'pillar on the way' of scenario default",
-            "keep it 0.20 m away",
+            "keep it 0.21 m away",
         ),
         (
             ["--goal", "1.15,0.6", "--sim"],
             "is 0.10 m from the obstacle 'pillar on the way'",
-            "keep it 0.20 m away",
+            "keep it 0.21 m away",
         ),
         (
             ["--goal", "2.6,1.5", "--sim", "default"],
