@@ -6,6 +6,7 @@ at each tick is noted beside the recorded decision.
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -132,8 +133,10 @@ class History:
         return self.moments[0].now_s
 
 
-def history_of(path: Path) -> History:
+def history_of(path: Path, tell_share: Callable[[float], None] = lambda _: None) -> History:
     """Read the log and fly it again; raises NotReplayable when there is nothing to fly.
+
+    `tell_share` hears at every tick how much of the log is read, from 0 to 1.
 
     A log with a gap, or of a program that decided otherwise, is told by `difference`: what the
     record itself says stays right, what needs the map (`ahead_m`, hits) is of the flight again.
@@ -143,6 +146,7 @@ def history_of(path: Path) -> History:
     history = History(path, config, route, log.header.scenario, offset_ne_m=log.offset_ne_m())
     guarded = GuardedPilot(config, route, log.resumed())
     for tick, difference in flown_again(log, guarded):
+        tell_share(log.share_read)
         history.difference = difference
         history.tally.note(tick.command, tick.inputs, tick.step_s)
         _note(history, tick.command, guarded, tick.step_s)

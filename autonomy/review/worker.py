@@ -30,7 +30,7 @@ def reel(log: Path) -> bytes:
 
 def report(log: Path) -> bytes:
     """The flight's page, as HTML."""
-    return page_of(history_of(log), report_of_log(log)).encode()
+    return page_of(history_of(log, Teller().tell), report_of_log(log)).encode()
 
 
 class Teller:

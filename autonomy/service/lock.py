@@ -2,6 +2,10 @@
 
 The lock is a `flock` on a file, so it ends with its process, however that ends. A user who may
 only read the file can take the lock all the same; it has no name in it then.
+
+Any user may write that file, since any may be the next pilot. So where the holder can be talked to
+stands in a file of its own beside it, which only its owner can write: a token and a mission go
+there.
 """
 
 import contextlib
@@ -34,7 +38,9 @@ def utc_now() -> str:
 
 
 class Holder(msgspec.Struct, frozen=True):
-    """Who has the vehicle. `api` is where it can be talked to, None for one that only flies."""
+    """Who has the vehicle. `api` is where it can be talked to; None for one that only flies, or
+    whose address is not believed.
+    """
 
     what: str
     pid: int
@@ -47,14 +53,16 @@ class Holder(msgspec.Struct, frozen=True):
 
 
 class VehicleHeld(NotNow):
-    """Another process flies this vehicle; `holder` is who, None when it left no name."""
+    """Another process flies this vehicle; `holder` is who, None when it left no name. `doubt` is
+    why its address is not believed.
+    """
 
-    def __init__(self, connection: str, holder: Holder | None) -> None:
+    def __init__(self, connection: str, holder: Holder | None, doubt: str = "") -> None:
         self.holder = holder
         who = str(holder) if holder is not None else "another process"
         super().__init__(
             f"the vehicle on {connection} is held by {who}; one pilot at a time: stop that one, "
-            "or give the mission to it"
+            f"or give the mission to it{f' ({doubt})' if doubt else ''}"
         )
 
 
@@ -87,6 +95,7 @@ class VehicleLock:
         self._holder = holder
         self.path = (folder or lock_folder()) / f"autonomy-pilot-{endpoint(connection)}.lock"
         self._descriptor: int | None = None
+        self._has_address = False
 
     def __enter__(self) -> Self:
         """Take it. Raises VehicleHeld, or BadInput when the file cannot be used."""
@@ -94,9 +103,9 @@ class VehicleLock:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            holder = _read_holder(descriptor)
+            holder, doubt = _named(descriptor, self.path)
             os.close(descriptor)
-            raise VehicleHeld(self._connection, holder) from None
+            raise VehicleHeld(self._connection, holder, doubt) from None
         self._descriptor = descriptor
         if writable:
             self._write(self._holder)
@@ -110,12 +119,27 @@ class VehicleLock:
     ) -> None:
         """Let go. The file stays: removing it would let two processes lock two files."""
         if self._descriptor is not None:
+            if self._has_address:
+                with contextlib.suppress(OSError):  # it names a holder that is gone
+                    address_path(self.path).unlink()
             os.close(self._descriptor)
             self._descriptor = None
 
     def reachable_at(self, api: str) -> None:
-        """Tell others where the holder can be talked to."""
-        self._write(msgspec.structs.replace(self._holder, api=api))
+        """Tell others where the holder can be talked to, in a file that they cannot write.
+
+        Where another user's file is in its place, a second pilot is refused, and not helped.
+        """
+        if self._descriptor is None:
+            raise ValueError("the lock is not held")
+        path = address_path(self.path)
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
+            with os.fdopen(os.open(path, flags, 0o644), "wb") as file:
+                self._has_address = True
+                os.fchmod(file.fileno(), 0o644)  # whatever the umask: others read it
+                file.write(msgspec.json.encode(msgspec.structs.replace(self._holder, api=api)))
 
     def _write(self, holder: Holder) -> None:
         if self._descriptor is None:
@@ -139,11 +163,61 @@ def holder_of(connection: str, folder: Path | None = None) -> Holder | None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
-        return _read_holder(descriptor)
+        return _named(descriptor, path)[0]
     else:
         return None
     finally:
         os.close(descriptor)
+
+
+def address_path(lock: Path) -> Path:
+    """Where the address of a lock's holder stands."""
+    return lock.with_suffix(".api")
+
+
+def why_not_believed(owner: int, mode: int, folder: Path) -> str:
+    """Why an address in a file of that owner (uid) and mode is not believed; empty when it is.
+
+    Root's is, one's own, and in the service's runtime folder that of the service's user, to whom
+    systemd gave the folder.
+    """
+    believed = {0, os.geteuid()}
+    if folder == SYSTEM_FOLDER:
+        believed.add(folder.stat().st_uid)
+    if stat.S_ISREG(mode) and not mode & (stat.S_IWGRP | stat.S_IWOTH) and owner in believed:
+        return ""
+    return (
+        f"its address was written by user {owner}, and is not believed: it might take your token; "
+        "use its page"
+    )
+
+
+def _named(descriptor: int, path: Path) -> tuple[Holder | None, str]:
+    """Who holds the open lock at `path`, and why its address is not believed.
+
+    An address is of the holder that the lock names, not of one that was killed before.
+    """
+    holder = _read_holder(descriptor)
+    if holder is None:
+        return None, ""
+    nowhere = msgspec.structs.replace(holder, api=None)
+    try:
+        # A pipe in its place would keep us waiting.
+        flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+        address = os.open(address_path(path), flags)
+    except OSError:
+        return nowhere, ""
+    try:
+        found = os.fstat(address)
+        doubt = why_not_believed(found.st_uid, found.st_mode, path.parent)
+        told = _read_holder(address) if not doubt else None
+    except OSError:
+        return nowhere, ""
+    finally:
+        os.close(address)
+    if told is None or told != msgspec.structs.replace(nowhere, api=told.api):
+        return nowhere, doubt
+    return told, ""
 
 
 def _open(path: Path) -> tuple[int, bool]:

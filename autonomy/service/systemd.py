@@ -23,7 +23,9 @@ class Notifier:
         self._feed_every_s = period_s / 4.0 if period_s is not None else None
 
     def ready(self) -> None:
-        """The service does what it is for; the watchdog counts from here."""
+        """The service does what it is for: a vehicle is there, flown or not; the watchdog counts
+        from here.
+        """
         self._watched = True
         self._send("READY=1")
 

@@ -135,8 +135,8 @@ class Attendant:
         self._parts = parts
         self.frame = ServiceFrame()
         self.left = LeftInAir()
-        self.aloft = ""
-        """What was said of the vehicle that was found in the air, while it is there."""
+        self._said: tuple[str, Custody | None] = ("", None)
+        """What was found out of the vehicle in the air, and the custody that it is true for."""
         self._readings: dict[str, RangeReading] = {}
         self._ready_told = False
 
@@ -145,31 +145,51 @@ class Attendant:
         self.frame.forget()
         self.left.meet(connected.facts, self._parts.drivers.clock.now_s())
         self._readings.clear()
-        self.aloft = ""
+        self.forget_said()
         drivers = (connected.vehicle, *connected.sensors, connected.gnss)
         self._parts.station.dropped = lambda: dropped_by(drivers)
 
     def ready(self, connected: Connected) -> None:
-        """Say that a mission may come, or what is in the air; systemd's watchdog counts from the
-        first time.
-        """
+        """Say that a mission may come, or what is in the air."""
         if self._parts.ending.is_set():
             return
         self._parts.enter(Phase.READY, self._at_rest(connected))
+        self.watched()
+
+    def watched(self) -> None:
+        """Tell systemd, once, that the service does what it is for: its watchdog counts from here.
+
+        It is no promise that a mission may come: `Phase.READY` is.
+        """
         if not self._ready_told:
             self._ready_told = True
             self._parts.notifier.ready()
+
+    def say(self, why: str) -> None:
+        """Of the vehicle in the air: told now, and the answer to `ready` while its custody stays
+        what it is.
+        """
+        self._said = why, self.left.custody
+        self._parts.station.tell("in_flight", why)
+
+    def forget_said(self) -> None:
+        """What was found out is no longer so: it is down, flown, or another vehicle."""
+        self._said = "", None
 
     def _at_rest(self, connected: Connected) -> str:
         """A vehicle that is not flown by this service, in a sentence."""
         facts = connected.facts
         name = f"{facts.autopilot} {facts.version}"
-        if not in_flight.is_in_the_air(connected.vehicle.status()):
-            self.aloft = ""
+        status, custody = connected.vehicle.status(), self.left.custody
+        if not in_flight.is_in_the_air(status):
+            self.forget_said()
             return f"{name} is ready for a mission"
-        if self.aloft:
-            return self.aloft
-        if self.left.custody is not None:
+        if custody is not None and status.mode is FlightMode.LAND:
+            return f"{name} is landing for this service"
+        said, while_held = self._said
+        if said and while_held is custody:
+            return said
+        if custody is not None:
             return f"{name} is in the air, where its mission left it; order it to land"
         return f"{name} is in the air, and not flown by this service"
 
@@ -191,10 +211,7 @@ class Attendant:
         on_ground = status.landed is LandedState.ON_GROUND or not status.armed
         self.frame.follow(position, on_ground=on_ground)
         if self.left.see(status):
-            self.aloft = (
-                "PX4's failsafe holds the vehicle, which this service lost; order it to land"
-            )
-            station.tell("in_flight", self.aloft)
+            self.say("PX4's failsafe holds the vehicle, which this service lost; order it to land")
         station.at_rest(
             Instant(
                 now_s=self._parts.drivers.clock.now_s(),

@@ -92,6 +92,7 @@ class Missions:
         route, offset = planned.route, planned.offset
         goals = tuple((goal[0] + offset[0], goal[1] + offset[1]) for goal in route)
         self._parts.station.begin(FlownMission(record.id, goals, offset))
+        self._attendant.forget_said()
         self._parts.enter(Phase.FLYING, f"mission {record.id} begins")
         with ExitStack() as stack:
             recorder = self._recorder(planned.mission, stack)

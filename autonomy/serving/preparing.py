@@ -6,13 +6,17 @@ for minutes on a small computer: another process does, so that the compiler's me
 
 import asyncio
 import contextlib
+import logging
 import sys
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 
 from autonomy.embedded import EmbeddedPx4
 from autonomy.warm import load_compiled, warm_up
 
 COMPILER = (sys.executable, "-m", "autonomy.warm")
+_ATTEMPTS = 2
+"""What a compiler has kept on the disk before it died is not compiled again."""
+_LOG = logging.getLogger("autonomy")
 
 
 async def load_kernels(tell: Callable[[str], None]) -> None:
@@ -25,16 +29,20 @@ async def load_kernels(tell: Callable[[str], None]) -> None:
     if load_compiled():
         return
     tell("compiling the planner: minutes the first time, then seconds")
-    async with _lines_of(COMPILER) as lines:
-        async for line in lines:
-            tell(line)
+    for _ in range(_ATTEMPTS):
+        code = await _run(COMPILER, tell)
+        if code == 0:
+            break
+        _LOG.warning("the process that compiles the planner died (exit code %d)", code)
     # What the other process could not keep on the disk is compiled here.
     warm_up(tell)
 
 
-@contextlib.asynccontextmanager
-async def _lines_of(command: tuple[str, ...]) -> AsyncIterator[AsyncIterator[str]]:
-    """A process's lines while it runs; it has ended after."""
+async def _run(command: tuple[str, ...], tell: Callable[[str], None]) -> int:
+    """Run a process whose every line is told; its exit code, negative for a signal.
+
+    When cancelled, the process is killed.
+    """
     process = await asyncio.create_subprocess_exec(
         *command,
         stdin=asyncio.subprocess.DEVNULL,
@@ -45,7 +53,9 @@ async def _lines_of(command: tuple[str, ...]) -> AsyncIterator[AsyncIterator[str
     try:
         if output is None:
             raise ValueError("a process without the pipe that was asked for")
-        yield (line.decode("utf-8", "replace").strip() async for line in output)
+        async for line in output:
+            tell(line.decode("utf-8", "replace").strip())
+        return await process.wait()
     finally:
         if process.returncode is None:
             with contextlib.suppress(ProcessLookupError):

@@ -79,12 +79,12 @@ class Restart:
         )
         why = unread or in_flight.why_not_ours(flight, found)
         if flight is None or why:
-            self._tell(f"the vehicle is in the air and left alone: {why}")
+            self._attendant.say(f"the vehicle is in the air and left alone: {why}")
             return
         self._attendant.left.proved_ours = True
         why = in_flight.why_not_held_for_us(flight, found)
         if why is not None:
-            self._tell(
+            self._attendant.say(
                 f"the vehicle is in the air and left alone: {why}; it was flown by this service, "
                 "which lands it when ordered"
             )
@@ -103,19 +103,21 @@ class Restart:
         choice = self._parts.config.service.on_restart_in_flight
         left = self._attendant.left.custody = held_for_us()
         if choice == "land":
-            self._tell("this service was interrupted in flight; landing")
+            # Not ready for a mission, which would begin when it is down; but watched.
+            self._parts.enter(Phase.WAITING, "this service was interrupted in flight; landing")
+            self._attendant.watched()
             await self._landed(left, connected)
             return
         why = in_flight.why_not_resumed(flight, found) if choice == "resume" else None
         resumed = flight.resumed
         if choice == "hold" or why is not None or resumed is None:
             refused = f"; its mission cannot go on: {why}" if why is not None else ""
-            self._tell(
+            self._attendant.say(
                 "this service was interrupted in flight, PX4 holds the vehicle"
                 f"{refused}; order it to land"
             )
             return
-        self._tell("this service was interrupted in flight; going on")
+        self._attendant.say("this service was interrupted in flight; going on")
         self._seen_to = True  # whatever becomes of it: a mission goes on once
         await self._missions.fly_on(flight, resumed, connected)
 
@@ -146,7 +148,3 @@ class Restart:
                 return error
             await asyncio.sleep(self._parts.period_s)
         return None
-
-    def _tell(self, why: str) -> None:
-        self._attendant.aloft = why
-        self._parts.station.tell("in_flight", why)

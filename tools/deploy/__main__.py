@@ -31,6 +31,7 @@ DROP_INS = Path("/etc/systemd/system/autonomy.service.d")
 COMMAND = Path("/usr/local/bin/autonomy")
 STATE = Path("/var/lib/autonomy")
 CACHE = Path("/var/cache/autonomy")
+RUNTIME = Path("/run/autonomy")
 USER = "autonomy"
 NOT_SOURCE = shutil.ignore_patterns(".*", "build", "__pycache__", "*.egg-info")
 GROUPS = ("dialout", "i2c", "gpio")
@@ -131,20 +132,31 @@ def remove(*, purge: bool) -> None:
         path.unlink(missing_ok=True)
     if is_ours(COMMAND):
         COMMAND.unlink()
-    for folder in (PREFIX, CACHE):
-        shutil.rmtree(folder, ignore_errors=True)
-    if purge:
-        for folder in (SETTINGS, STATE, DROP_INS):
-            shutil.rmtree(folder, ignore_errors=True)
-        if has_user():
-            run("userdel", USER)
+    folders = (PREFIX, CACHE, *((SETTINGS, STATE, DROP_INS, RUNTIME) if purge else ()))
+    refused = [sentence for folder in folders for sentence in take_away(folder)]
+    if purge and has_user():
+        run("userdel", USER)
     make_known()
+    if refused:
+        raise DeployError(f"not removed: {'; '.join(refused)}; mend that, then run it again")
     if purge:
         say(f"removed; the groups {', '.join(GROUPS)} stay, others may be in them")
         return
     kept = (SETTINGS, STATE, DROP_INS)
     there = ", ".join(str(path) for path in kept if path.exists())
     say(f"kept: {there} and the user {USER}")
+
+
+def take_away(folder: Path) -> list[str]:
+    """Remove what can be removed; the folder with the first reason when something stays."""
+    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        shutil.rmtree(folder)
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        return [f"{folder} ({error.strerror or error})"]
+    return []
 
 
 def make_known() -> None:

@@ -8,6 +8,8 @@ const SHOWN = 20;
 const READING_MS = 310000;
 const PLAY_MS = 100;
 const SHARE_MS = 500;
+const BUSY = 429;
+const BUSY_MS = 1000;
 
 /** Looks back at one flight at a time. Calls `onScene(scene, reel)` at each moment, `onLive()` after. */
 export class LookBack {
@@ -51,7 +53,7 @@ export class LookBack {
     $("reading").hidden = false;
     const watching = setInterval(() => this.showShare(name, reading), SHARE_MS);
     try {
-      return new Reel(await ask("GET", path(name, "reel"), undefined, READING_MS, reading.signal));
+      return new Reel(await this.asked(name, reading.signal));
     } catch (error) {
       if (!reading.signal.aborted) say(error.message, true);
       else if (reading === this.reading) say(`${name} is not read any further`);
@@ -63,6 +65,18 @@ export class LookBack {
         $("reading").hidden = true;
       }
     }
+  }
+
+  /** The flight's messages. Who was just taken back is being ended: asked again once, a moment later. */
+  async asked(name, takenBack) {
+    const once = () => ask("GET", path(name, "reel"), undefined, READING_MS, takenBack);
+    try {
+      return await once();
+    } catch (error) {
+      if (error.status !== BUSY) throw error;
+    }
+    await new Promise((resolve) => setTimeout(resolve, BUSY_MS));
+    return once();
   }
 
   async showShare(name, reading) {

@@ -32,20 +32,25 @@ export async function ask(method, path, body, patience = 4000, takenBack = undef
   const headers = {};
   if (token()) headers.Authorization = `Bearer ${token()}`;
   if (body !== undefined) headers["Content-Type"] = "application/json";
-  let response;
+  // AbortSignal.any joins two signals, but is younger than the browsers that people have.
+  const ending = new AbortController();
+  const end = () => ending.abort();
+  const impatient = setTimeout(end, patience);
+  takenBack?.addEventListener("abort", end);
+  if (takenBack?.aborted) end();
+  const request = { method, headers, signal: ending.signal };
+  if (body !== undefined) request.body = JSON.stringify(body);
+  let response, answer;
+  // Nothing but the wire in here: fetch's failures and a defect of this page are both TypeErrors.
   try {
-    response = await fetch(path, {
-      method,
-      headers,
-      body: body === undefined ? undefined : JSON.stringify(body),
-      // Not every browser knows "any": orders go without it.
-      signal: takenBack ? AbortSignal.any([AbortSignal.timeout(patience), takenBack]) : AbortSignal.timeout(patience),
-    });
-  } catch {
-    if (takenBack?.aborted) throw new Error("taken back");
-    throw new Error("the service does not answer");
+    response = await fetch(path, request);
+    answer = await jsonOf(response);
+  } catch (cause) {
+    throw new Error(takenBack?.aborted ? "taken back" : "the service does not answer", { cause });
+  } finally {
+    clearTimeout(impatient);
+    takenBack?.removeEventListener("abort", end);
   }
-  const answer = await response.json().catch(() => ({}));
   if (!response.ok) {
     const error = new Error(answer.error || `the service answered ${response.status}`);
     error.status = response.status;
@@ -54,12 +59,22 @@ export async function ask(method, path, body, patience = 4000, takenBack = undef
   return answer;
 }
 
+/** What was answered; nothing for what is not JSON, while a broken answer is thrown on. */
+async function jsonOf(response) {
+  try {
+    return await response.json();
+  } catch (error) {
+    if (error instanceof SyntaxError) return {};
+    throw error;
+  }
+}
+
 /** Save what `path` answers as a file; a plain link could not carry the token. */
 export async function save(path, name) {
   const headers = token() ? { Authorization: `Bearer ${token()}` } : {};
   const response = await fetch(path, { headers });
   if (!response.ok) {
-    const answer = await response.json().catch(() => ({}));
+    const answer = await jsonOf(response);
     throw new Error(answer.error || `${name} cannot be read`);
   }
   const link = document.createElement("a");

@@ -27,7 +27,7 @@ from autonomy.logbook import replay_log
 from autonomy.model import MissionState, OperatorCommand
 from autonomy.service.contract import MissionOrder, MissionStatus, Phase
 from autonomy.service.metrics import Metrics
-from autonomy.service.station import Station
+from autonomy.service.station import Refused, Station
 from autonomy.service.systemd import Notifier
 from autonomy.serving.desk import Desk, shifted
 from autonomy.serving.parts import Parts
@@ -181,6 +181,43 @@ async def test_hold_leaves_it_in_px4s_hold_and_lands_it_when_ordered(tmp_path: P
 async def test_land_lands_it(tmp_path: Path) -> None:
     rig = await interrupted(tmp_path)
     await begun_anew(rig, tmp_path, "land", lambda life: life.down, "in flight; landing")
+
+
+async def test_a_landing_after_a_restart_is_watched_and_no_mission_comes_between(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = await interrupted(tmp_path)
+    watched: list[bool] = []
+    monkeypatch.setattr(Notifier, "ready", lambda _: watched.append(rig.vehicle.status().armed))
+
+    def lands(life: Life) -> bool:
+        if life.mode is FlightMode.LAND and not life.down:
+            assert watched == [True]
+            with pytest.raises(Refused, match="interrupted in flight; landing"):
+                life.station.submit(MissionOrder(goals=([*GOAL],)))
+        return life.down
+
+    await begun_anew(rig, tmp_path, "land", lands, "in flight; landing")
+    assert watched == [True]
+
+
+async def test_what_was_said_of_a_vehicle_in_the_air_holds_until_a_pilot_takes_it(
+    tmp_path: Path,
+) -> None:
+    rig = await interrupted(tmp_path)
+
+    def taken(life: Life) -> bool:
+        if "PX4 holds the vehicle" in life.station.why:
+            rig.vehicle.autopilot.set_mode(Mode.RETURN.main, Mode.RETURN.sub)
+        return is_ready(life) and "not flown by this service" in life.station.why
+
+    await begun_anew(rig, tmp_path, "hold", taken, "PX4 holds the vehicle")
+
+
+async def test_a_landing_that_was_ordered_is_told_as_one(tmp_path: Path) -> None:
+    rig = await interrupted(tmp_path)
+    life = await begun_anew(rig, tmp_path, "hold", landed_by_an_operator(), "PX4 holds")
+    assert "is landing for this service" in life.said()
 
 
 async def test_resume_looks_round_and_reaches_the_goal_of_the_old_frame(tmp_path: Path) -> None:

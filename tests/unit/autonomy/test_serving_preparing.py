@@ -50,12 +50,14 @@ async def test_another_process_compiles_and_what_it_says_is_told(
     ]
 
 
-async def test_a_compiler_that_dies_leaves_the_work_to_the_service(
-    cold: list[str], monkeypatch: pytest.MonkeyPatch
+async def test_a_compiler_that_dies_twice_is_told_and_leaves_the_work_to_the_service(
+    cold: list[str], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    compiler(monkeypatch, "import os; os.abort()")
+    compiler(monkeypatch, "import os; print('begun', flush=True); os.abort()")
     await preparing.load_kernels(cold.append)
-    assert cold[-1] == "loaded here"
+    assert cold[-3:] == ["begun", "begun", "loaded here"]
+    told = [record.getMessage() for record in caplog.records]
+    assert told == 2 * ["the process that compiles the planner died (exit code -6)"]
 
 
 async def test_who_is_told_to_end_meanwhile_leaves_no_compiler_behind(

@@ -10,7 +10,7 @@ from tools.deploy import __main__ as deploy
 from tools.deploy import rehearsal
 
 FILES = ("UNIT", "RULES")
-FOLDERS = ("PREFIX", "SETTINGS", "DROP_INS", "STATE", "CACHE")
+FOLDERS = ("PREFIX", "SETTINGS", "DROP_INS", "STATE", "CACHE", "RUNTIME")
 
 
 @pytest.fixture
@@ -42,6 +42,7 @@ def test_remove_keeps_configuration_and_logs_and_nothing_else(root: Path) -> Non
     assert left(root) == {
         "etc/autonomy/something",
         "etc/systemd/system/autonomy.service.d/something",
+        "run/autonomy/something",
         "var/lib/autonomy/something",
     }
 
@@ -49,6 +50,15 @@ def test_remove_keeps_configuration_and_logs_and_nothing_else(root: Path) -> Non
 def test_purge_leaves_nothing(root: Path) -> None:
     deploy.remove(purge=True)
     assert left(root) == set()
+
+
+def test_what_cannot_be_removed_is_told_and_the_rest_goes(root: Path) -> None:
+    shutil.rmtree(deploy.CACHE)
+    deploy.CACHE.symlink_to(root)  # a folder elsewhere is not followed
+    with pytest.raises(deploy.DeployError, match=f"not removed: {deploy.CACHE} .*link"):
+        deploy.remove(purge=True)
+    assert left(root) == set()
+    assert deploy.CACHE.is_symlink()
 
 
 def test_a_foreign_command_of_that_name_is_left_alone(root: Path) -> None:

@@ -469,8 +469,10 @@ def test_the_worker_writes_what_the_page_asks_for(
     stood_back: list[int] = []
     monkeypatch.setattr(worker, "stand_back", lambda: stood_back.append(1))
     assert worker.main([what, str(history.path)]) == 0
-    made = gzip.decompress(capfdbinary.readouterr().out)
+    written = capfdbinary.readouterr()
+    made = gzip.decompress(written.out)
     assert stood_back == [1]
+    assert re.fullmatch(rb"(share [01]\.[0-9]{2}\n)+", written.err)
     if what == "reel":
         assert msgspec.json.decode(made, type=Reel).log == history.path.name
     else:
