@@ -6,10 +6,12 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 
+from hal.config import GuardConfig
 from hal.errors import ConnectionFailed
 from hal.frames import finite3
 from hal.readings import FlightMode, LandedState, LocalPosition
 from hal.setpoints import Request, RequestKind, Setpoint
+from hal.vehicle.guard.stopping import stopping_distance_m
 from tests.contract.rigs import Rig, build, parameters
 
 ALTITUDE_M = 1.2
@@ -111,7 +113,10 @@ async def test_it_flies_where_it_is_sent_and_refuses_what_would_drop_it(rig: Rig
     assert stopped is not None
     assert vehicle.status().mode is FlightMode.OFFBOARD, "stopping asks for no mode"
     assert math.hypot(*stopped.velocity_ned_m_s) < 0.08
-    assert math.dist(stopped.position_ned_m, position.position_ned_m) < 0.15
+    # What the guard counts with; a busy computer begins later, and PX4 catches up faster.
+    speed_m_s = math.hypot(*position.velocity_ned_m_s)
+    way_m = stopping_distance_m(speed_m_s, GuardConfig().reaction_s, GuardConfig().braking_m_s2)
+    assert math.dist(stopped.position_ned_m, position.position_ned_m) < way_m
     await accepted(rig, RequestKind.HOLD)
     await until(rig, lambda: vehicle.status().mode is FlightMode.HOLD, 2.0, "Hold")
     await accepted(rig, RequestKind.LAND)

@@ -28,7 +28,8 @@ class Flying:
         program = ["-m", "autonomy.cli"]
         if prelude:
             program = ["-c", f"{prelude}\nfrom autonomy.cli import main\nmain()"]
-        self._command = [sys.executable, *program, "fly", "--json"]
+        # Under nohup a hang-up is ignored, and stays so in every program that is begun from there.
+        self._command = ["env", "--default-signal=HUP", sys.executable, *program, "fly", "--json"]
         self._command += ["--log-dir", str(folder), *arguments]
         self._process: subprocess.Popen[bytes] | None = None
 
