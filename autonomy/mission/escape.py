@@ -18,7 +18,9 @@ FloatArray = npt.NDArray[np.float64]
 
 CELL_M = 0.08
 REACH_CELLS = 15
-"""Cells to each side of the vehicle: 1.2 m."""
+"""Cells to each side of the vehicle."""
+REACH_M = REACH_CELLS * CELL_M
+"""How far a retreat is looked at."""
 BARRED = -1.0
 """Kept in a cell that is no way, less than what any touch in sight would keep."""
 _SIDE = 2 * REACH_CELLS + 1

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from autonomy.config import Config
 from autonomy.geometry import Point
-from autonomy.mission.escape import Continuations
+from autonomy.mission.escape import REACH_M, Continuations
 from autonomy.model import FusedState, MovingObstacle
 from autonomy.t3drm.direction import Direction, direction_of
 from hal.frames import Vector3, wrap_pi
@@ -27,8 +27,6 @@ BEARINGS = 16
 STEP_S = 0.25
 RESPONSE_S = 0.5
 """PX4 follows a commanded velocity with about this time constant."""
-REACH_M = 1.2
-"""How far a retreat is looked at."""
 NEAR_M = 2.0
 """A mover with its centre farther away than this is nobody's concern yet."""
 DOUBT = 0.7
