@@ -27,7 +27,9 @@ class BodyConfig(Section):
     """The vehicle's body, as a vertical cylinder about its centre."""
 
     radius_m: Positive = 0.15
+    """Propellers included."""
     half_height_m: Positive = 0.08
+    """From the centre to the lowest skid, or to the highest part."""
 
 
 class WallsConfig(Section):
@@ -36,6 +38,7 @@ class WallsConfig(Section):
     """
 
     use: bool = False
+    """True: map, goal and fence stay where they are in the room while the autopilot drifts."""
     wander_sigma_m: Positive = 0.025
     """The autopilot's position is wrong by this (one sigma and axis) ..."""
     wander_s: Positive = 3.5
@@ -47,6 +50,7 @@ class WallsConfig(Section):
     settle_s: Positive = 0.5
     """Hits older than this are a reference."""
     gate_sigma: Positive = 3.0
+    """An innovation of more standard deviations moves nothing, ..."""
     gate_m: Positive = 0.07
     """An innovation beyond the one or the other moves nothing."""
     correction_max_m_s: Positive = 0.1
@@ -59,9 +63,13 @@ class EstimationConfig(Section):
     """Kalman filter: process noise, measurement noise floors and gates."""
 
     acceleration_noise_m_s2: Positive = 0.5
+    """One sigma: how unsteadily the vehicle is expected to fly."""
     local_position_sigma_m: Positive = 0.03
+    """One sigma of the autopilot's position."""
     local_velocity_sigma_m_s: Positive = 0.05
+    """One sigma of the autopilot's velocity."""
     gnss_sigma_floor_m: Positive = 0.5
+    """GNSS is never believed more than this, whatever it claims."""
     gnss_interval_s: NonNegative = 0.35
     """After a fix was fused, others are left out for so long: their errors are alike."""
     gnss_bias_noise_m_per_sqrt_s: Positive = 0.1
@@ -71,28 +79,40 @@ class EstimationConfig(Section):
     drift_noise_m_per_sqrt_s: NonNegative = 0.022
     """How fast the autopilot's frame drifts against the room; for `room_sigma_m` alone."""
     height_sigma_m: Positive = 0.03
+    """One sigma of a level that the down or the up beam measures."""
     gate_sigma: Positive = 5.0
     """An innovation larger than this many standard deviations is rejected."""
     reset_after_rejections: int = Field(default=10, ge=1)
+    """So many rejections in a row, and the sensor is believed instead."""
     stale_after_s: Positive = 0.3
+    """Without position or attitude for this long nothing is flown by the state."""
     sigma_max_m: Positive = 0.3
     """Above this horizontal uncertainty the state is not ok: nothing is flown by it."""
     walls: WallsConfig = Field(default_factory=WallsConfig)
+    """Beams against walls that are known already: the drift of the autopilot's frame."""
 
 
 class MapConfig(Section):
     """Evidence grid of hits and seen-free space (t3drm-findings, section 3.4)."""
 
     cell_m: Positive = 0.025
+    """Edge of a cell of the evidence grid."""
     hit_gain: int = Field(default=3, ge=1)
+    """Evidence that one hit adds ..."""
     hit_cap: int = Field(default=12, ge=1)
+    """... up to this; a beam that passes through takes 1 away."""
     occupied_from: int = Field(default=3, ge=1)
+    """Evidence from which a cell is an obstacle."""
     clear_within_m: Positive = 0.02
+    """A beam clears only cells this near to its axis."""
     hit_mean_weight: Annotated[float, Field(gt=0.0, le=1.0)] = 0.25
+    """Share of a new hit in the cell's mean point."""
     edge_rule_deg: Positive = 7.0
     """Two consecutive rays of one beam nearer than this bound the edge between them."""
     free_shrink_m: NonNegative = 0.06
+    """Space is seen free only up to this before the hit."""
     accounted_within_m: NonNegative = 0.05
+    """A hit this near to a known one is no news."""
     start_disc_m: Positive = 0.23
     """The take-off disc, assumed free: the vehicle stands in it."""
     seen_max_age_s: Positive = 60.0
@@ -117,6 +137,7 @@ class MoversConfig(Section):
     """True: something may move from the start on, so the vehicle scans fast and trusts no old
     sight. False: only for `remember_s` after something moved."""
     remember_s: NonNegative = 60.0
+    """For so long after something moved the keys below hold."""
     scan_deg_s: Positive = 120.0
     """How fast the vehicle turns then. At 60 deg/s a mover comes 0.3 m nearer between two looks."""
     edge_rule_deg: Positive = 9.0
@@ -129,6 +150,7 @@ class MoversConfig(Section):
     """`guidance.push_below_m` then, where the vehicle has stopped: whatever is that near may be
     coming nearer."""
     retreat_speed_m_s: Positive = 0.12
+    """How fast it leaves then."""
     clearance_m: Positive = 0.2
     """Beyond body and mover: nearer than this nothing may be predicted to come."""
     horizon_s: Annotated[float, Field(ge=1.0)] = 4.0
@@ -149,6 +171,7 @@ class StoreysConfig(Section):
     """From one storey to the next. A storey is flown at only past what was seen neither there nor
     at its neighbours, so this is also the least height between the vehicle and a top."""
     climb_m_s: Positive = 0.3
+    """Up or down, in place."""
     change_s: NonNegative = 2.5
     """What a change of height costs besides the climb: to settle, and to look round."""
     gain_m: NonNegative = 0.5
@@ -177,11 +200,13 @@ class PlannerConfig(Section):
     """Continuous obstacles: take the fly-by conic where it is free; only where it is not longer
     than its tangent-and-arc by `hyperbola_max_ratio`; or never."""
     hyperbola_max_ratio: Annotated[float, Field(ge=1.0)] = 1.05
+    """For `hyperbola: cost`: at most this many times the length of tangent and arc."""
     grid_cell_m: Positive = 0.05
     """Cell of the local grid on which the fallback geodesic is found."""
     tangent_discs_max: int = Field(default=80, ge=1)
     """Above this many active discs the geodesic decides."""
     storeys: StoreysConfig = Field(default_factory=StoreysConfig)
+    """Over and under: other heights of flight."""
 
 
 class ReplanConfig(Section):
@@ -191,13 +216,20 @@ class ReplanConfig(Section):
     """stop: the paper's loop (stop, detect, replan, follow); rolling: replan in motion when the
     next stretch is already seen free."""
     min_interval_s: Positive = 0.2
+    """Between two plans, at least."""
     hover_s: Positive = 2.0
     """How long to look around at rest before trying again when there is no way."""
     forget_radius_m: Positive = 1.1
+    """Round the vehicle, what is looked at anew then."""
     side_hysteresis_m: NonNegative = 0.4
     """The other side of an obstacle is taken only when that saves more way than this; 0: always."""
     attempts: int = Field(default=9, ge=3)
     """Failures (never reset by a success) before the verdict 'unreachable'."""
+
+
+_PROPORTIONAL = "Velocity per error."
+_INTEGRAL = "Velocity per error and second."
+_DERIVATIVE = "Velocity per rate of the error."
 
 
 class PidGains(Section):
@@ -211,25 +243,25 @@ class PidGains(Section):
 class PositionGains(PidGains):
     """Table 3, position: kp 0-100, ki 0-1, kd 0-10; beside PX4's own position loop."""
 
-    kp: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
-    ki: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
-    kd: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    kp: Annotated[float, Field(ge=0.0, le=100.0, description=_PROPORTIONAL)] = 0.0
+    ki: Annotated[float, Field(ge=0.0, le=1.0, description=_INTEGRAL)] = 0.0
+    kd: Annotated[float, Field(ge=0.0, le=10.0, description=_DERIVATIVE)] = 0.0
 
 
 class AltitudeGains(PidGains):
     """Table 3, altitude: kp 0-10, ki 0-1, kd 0-10."""
 
-    kp: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
-    ki: Annotated[float, Field(ge=0.0, le=1.0)] = 0.05
-    kd: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    kp: Annotated[float, Field(ge=0.0, le=10.0, description=_PROPORTIONAL)] = 1.0
+    ki: Annotated[float, Field(ge=0.0, le=1.0, description=_INTEGRAL)] = 0.05
+    kd: Annotated[float, Field(ge=0.0, le=10.0, description=_DERIVATIVE)] = 0.0
 
 
 class VelocityGains(PidGains):
     """Table 3, velocity: kp 0-10, ki 0-1, kd 0-10; beside PX4's own velocity loop."""
 
-    kp: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
-    ki: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
-    kd: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    kp: Annotated[float, Field(ge=0.0, le=10.0, description=_PROPORTIONAL)] = 0.0
+    ki: Annotated[float, Field(ge=0.0, le=1.0, description=_INTEGRAL)] = 0.0
+    kd: Annotated[float, Field(ge=0.0, le=10.0, description=_DERIVATIVE)] = 0.0
 
 
 class GuidanceConfig(Section):
@@ -238,6 +270,7 @@ class GuidanceConfig(Section):
     speed_max_m_s: Positive = 0.2
     """The paper's limit (section 3.1)."""
     speed_min_m_s: Positive = 0.08
+    """The minimum of Table 2."""
     slow_below_m: Positive = 0.30
     """Clearance at which the speed begins to fall ..."""
     slowest_at_m: Positive = 0.18
@@ -245,13 +278,21 @@ class GuidanceConfig(Section):
     volume_rate_dead_band: NonNegative = 0.02
     """Table 2: |dV/dt| below this fraction of the full volume per second counts as 0."""
     carrot_m: Positive = 0.10
+    """How far ahead on the path is flown to."""
     lead_s: NonNegative = 0.15
+    """How far in time the setpoint leads the vehicle."""
     push_below_m: Positive = 0.20
+    """With less clearance the vehicle is pushed away ..."""
     push_speed_m_s: Positive = 0.05
+    """... this fast."""
     yaw_rate_deg_s: Positive = 60.0
+    """How fast it turns to look around."""
     position: PositionGains = Field(default_factory=PositionGains)
+    """Outer loop of the position; 0 leaves it to PX4."""
     altitude: AltitudeGains = Field(default_factory=AltitudeGains)
+    """Outer loop of the altitude."""
     velocity: VelocityGains = Field(default_factory=VelocityGains)
+    """Outer loop of the velocity; 0 leaves it to PX4."""
 
     @model_validator(mode="after")
     def _speeds_are_ordered(self) -> "GuidanceConfig":
@@ -266,17 +307,25 @@ class MissionConfig(Section):
     """One flight."""
 
     altitude_m: Positive = 1.0
+    """Of flight, above the take-off point."""
     goal_tolerance_m: Positive = 0.15
+    """This near is there."""
     detection_range_m: Positive = 0.6
     """A hit nearer than this and in the way stops the straight flight (paper: the IR range)."""
     time_limit_s: Positive = 600.0
+    """From arming; then the time is used up."""
     path_limit_m: Positive | None = None
     """Of way flown; None: as far as the time allows."""
     preflight_timeout_s: Positive = 20.0
+    """A vehicle that is not ready after this is refused."""
     takeoff_timeout_s: Positive = 30.0
+    """A take-off that takes longer is given up."""
     land_timeout_s: Positive = 60.0
+    """A landing that takes longer is told."""
     land_at_end: bool = True
+    """False: hold at the goal."""
     replan: ReplanConfig = Field(default_factory=ReplanConfig)
+    """When the loop looks again."""
 
 
 Ending = Literal["land", "return"]
@@ -287,8 +336,11 @@ class FailsafeConfig(Section):
     """Limits that end or interrupt a mission."""
 
     battery_warn: Annotated[float, Field(ge=0.0, le=1.0)] = 0.25
+    """Fraction left: nothing takes off below it."""
     battery_return: Annotated[float, Field(ge=0.0, le=1.0)] = 0.20
+    """Fraction left: what `battery_low` says."""
     battery_land: Annotated[float, Field(ge=0.0, le=1.0)] = 0.15
+    """Fraction left: land."""
     sensor_loss_hold_s: Positive = 0.5
     """A horizontal beam silent for this long is lost: the others cover for one ..."""
     sensor_loss_land_s: Positive = 5.0
@@ -296,6 +348,7 @@ class FailsafeConfig(Section):
     doubt_beams: bool = True
     """Doubt beams that measure, too (stuck, jumping, contradicting the others ...)."""
     state_loss_land_s: Positive = 2.0
+    """Without a usable position for this long: land."""
     flapping_holds: int = Field(default=10, ge=2)
     """The same fault, gone and back this often ..."""
     flapping_window_s: Positive = 60.0
@@ -315,6 +368,8 @@ class FailsafeConfig(Section):
     sensor_loss: Ending = "land"
     """Two beams lost for `sensor_loss_land_s`, or gone and back too often."""
     unreachable: Ending = "land"
+    """When the goal cannot be reached; `land`, in a narrow place, is at the last open one flown
+    past."""
     budget: Ending = "land"
     """`mission.time_limit_s` or `mission.path_limit_m` used up."""
     return_to: Literal["takeoff", "open"] = "takeoff"
@@ -338,13 +393,16 @@ class ControlConfig(Section):
     """The loop itself."""
 
     rate_hz: Annotated[float, Field(ge=5.0, le=100.0)] = 20.0
+    """Ticks a second."""
 
 
 class LogConfig(Section):
     """Where flights are recorded, and for how long they are kept."""
 
     directory: str = "flights"
+    """Where flight logs go; made when it is not there."""
     enabled: bool = True
+    """False: nothing is recorded."""
     keep_mb: NonNegative = 2000.0
     """Before a flight the oldest ones are deleted until all take no more than this; 0: never.
     A minute takes about 0.6 MB, so that these are some 50 hours in the air."""

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
 
 from hal import fence
 from hal.errors import DocumentError
@@ -23,7 +24,7 @@ PointNE = tuple[Finite, Finite]
 class Section(BaseModel):
     """A part of a document: unknown keys are refused, values never change after loading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
 class BeamMount(Section):
@@ -33,11 +34,17 @@ class BeamMount(Section):
     """
 
     name: str = Field(min_length=1)
+    """By which drivers, faults and pages know it."""
     yaw_deg: Finite = 0.0
+    """Bearing of the axis from the nose, clockwise: right is 90."""
     pitch_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0
+    """Elevation of the axis above the horizon: up is 90, down -90."""
     forward_m: Finite = 0.0
+    """Place of the sensor's face, ahead of the vehicle's centre ..."""
     right_m: Finite = 0.0
+    """... to the right of it ..."""
     down_m: Finite = 0.0
+    """... and below it."""
     half_angle_deg: Annotated[float, Field(ge=0.0, le=30.0)] | None = None
     """How far off its axis the beam still sees; 0 is a thin ray. null: what the data sheet says of
     the sensor that is listed for it under `drivers`, else 0 (`BeamsConfig.half_angle_deg`)."""
@@ -96,6 +103,7 @@ class MavlinkDriver(DriverSection):
     """Beams that come over the vehicle's link: all that nobody else drives."""
 
     driver: Literal["mavlink"] = "mavlink"
+    """Which driver this is."""
     obstacle_distance: bool = True
     """Beside DISTANCE_SENSOR, listen to OBSTACLE_DISTANCE, too."""
 
@@ -117,8 +125,11 @@ class I2cPlace(Section):
     """Which beam a sensor is, and where its bus ends: directly, or behind a TCA9548A."""
 
     beam: str = Field(min_length=1)
+    """Name of its mount."""
     mux_address: Annotated[int, Field(ge=0x70, le=0x77)] | None = None
+    """Of the TCA9548A that it hangs behind; null: on the bus itself."""
     mux_channel: Annotated[int, Field(ge=0, le=7)] | None = None
+    """Of that multiplexer; both are given, or none."""
 
     @model_validator(mode="after")
     def _a_channel_needs_its_multiplexer(self) -> "I2cPlace":
@@ -148,7 +159,9 @@ class TofPlace(I2cPlace):
     """A time-of-flight sensor. With `xshut` it is held in reset until it is given `address`."""
 
     address: I2cAddress = TOF_ADDRESS
+    """Where it answers; another than 0x29 is given to it at the start, and needs `xshut`."""
     xshut: GpioName | None = None
+    """The line that holds it in reset, `gpiochip0/17` or `sysfs/529`; null: none."""
     ambient_max_kcps_per_spad: Positive = 5.0
     """Up to this ambient light "no return" means "nothing there"; above it, "cannot see"."""
 
@@ -166,9 +179,11 @@ class Vl53l0xConfig(TofPlace):
     """One VL53L0X."""
 
     chip: Literal["vl53l0x"]
+    """Which sensor this is."""
     budget_s: Annotated[float, Field(ge=0.02, le=0.2)] = 0.033
     """Time for one measurement: longer is less noisy and slower."""
     signal_min_mcps: Annotated[float, Field(gt=0.0, lt=512.0)] = 0.25
+    """A weaker return is none."""
     sigma_max_m: Positive = 0.018
     """Above this estimated noise a reading is SUSPECT."""
 
@@ -187,11 +202,15 @@ class Vl53l1xConfig(TofPlace):
     """One VL53L1X. The region of interest narrows the cone: 16 x 16 diodes see 27 degrees."""
 
     chip: Literal["vl53l1x"]
+    """Which sensor this is."""
     budget_ms: Literal[15, 20, 33, 50, 100, 200, 500] = 33
+    """Time for one measurement: longer is less noisy and slower."""
     mode: Literal["short", "long"] = "short"
     """Short: to 1.3 m, little disturbed by light. Long: to 4 m in the dark."""
     roi_width: Annotated[int, Field(ge=4, le=16)] = 16
+    """Diodes across the region of interest ..."""
     roi_height: Annotated[int, Field(ge=4, le=16)] = 16
+    """... and up it: fewer see a narrower cone, and less light."""
     roi_centre: Annotated[int, Field(ge=0, le=255)] = 199
     """Number of the diode above and right of the middle; 199 is the optical centre."""
 
@@ -222,16 +241,22 @@ class PowerCurve(Section):
     """Range = scale_m * volts ** -exponent - offset_m."""
 
     kind: Literal["power"]
+    """Which curve this is."""
     scale_m: Positive
+    """Range at one volt, where `exponent` is 1 and `offset_m` 0."""
     exponent: Positive = 1.0
+    """How steeply the range falls with the voltage."""
     offset_m: Finite = 0.0
+    """What is taken off the range."""
 
 
 class TableCurve(Section):
     """Measured (range in metres, volts), the nearest first; between them 1/range is linear."""
 
     kind: Literal["table"]
+    """Which curve this is."""
     points: tuple[tuple[Positive, Positive], ...] = Field(min_length=2)
+    """Pairs of range and volts; ranges rise, volts fall."""
 
     @model_validator(mode="after")
     def _falls(self) -> "TableCurve":
@@ -245,9 +270,11 @@ class SharpIrConfig(I2cPlace):
     """One Sharp triangulation sensor on an input of an ADS1115."""
 
     chip: Literal["gp2y0a21", "gp2y0a02"]
+    """Which sensor this is: 10 to 80 cm, or 20 to 150 cm."""
     address: Annotated[int, Field(ge=0x48, le=0x4B)] = 0x48
     """Of the ADS1115."""
     input: Annotated[int, Field(ge=0, le=3)] = 0
+    """Of the ADS1115 that its output is wired to."""
     curve: Annotated[PowerCurve | TableCurve, Field(discriminator="kind")] | None = None
     """null: the typical curve of the data sheet; calibrate each sensor."""
     noise_v: Positive = 0.02
@@ -274,8 +301,11 @@ class I2cDriver(DriverSection):
     """Sensors on one Linux I2C bus."""
 
     driver: Literal["i2c"]
+    """Which driver this is."""
     bus: str = "/dev/i2c-1"
+    """The device of the bus."""
     sensors: tuple[I2cSensorConfig, ...] = Field(min_length=1)
+    """What hangs on it, one entry a sensor."""
     mux_reset: GpioName | None = None
     """Reset line of the multiplexers, low is reset: frees a bus that a chip holds low."""
 
@@ -334,6 +364,7 @@ class VirtualDriver(DriverSection):
     """
 
     driver: Literal["virtual"]
+    """Which driver this is."""
     scenario: str = Field(min_length=1)
     """A shipped name or the path of a YAML file; its beams' noise and faults count too."""
     seed: Annotated[int, Field(ge=0)] = 0
@@ -349,11 +380,18 @@ class BeamsConfig(Section):
     """The set of beams, who drives them, and what they have in common."""
 
     mounts: tuple[BeamMount, ...] = Field(default_factory=six_beams)
+    """Where each beam sits and looks; the default is the paper's set of six."""
     drivers: tuple[RangeDriver, ...] = Field(default=(MavlinkDriver(),), min_length=1)
+    """Who reads the beams: `mavlink` has all that no `i2c` sensor has, `virtual` has all."""
     min_m: NonNegative = 0.02
+    """Nearest that the sensors measure (paper, section 3: 2 to 100 cm) ..."""
     max_m: Positive = 1.0
+    """... and farthest."""
     latency_s: NonNegative = 0.02
+    """From a measurement to the time that a MAVLink sender stamps; the pose of that moment is
+    used."""
     stale_after_s: Positive = 0.3
+    """An older reading is not believed."""
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> "BeamsConfig":
@@ -476,6 +514,7 @@ class Fence(Section):
     """
 
     polygon_ne_m: tuple[PointNE, ...] | None = Field(default=None, min_length=3)
+    """Corners in order, round the outside; null: no polygon, the cylinder alone."""
     radius_m: Positive | None = None
     """How far from the take-off point, at most."""
 
@@ -526,12 +565,19 @@ class GuardConfig(Section):
     """Limits that every setpoint obeys, whoever planned it (hal/vehicle/guard)."""
 
     speed_max_m_s: Positive = 0.25
+    """No setpoint is faster."""
     climb_max_m_s: Positive = 0.5
+    """No setpoint climbs or sinks faster."""
     altitude_min_m: NonNegative = 0.3
+    """Above the take-off point: no setpoint leads lower ..."""
     altitude_max_m: Positive = 2.0
+    """... and none higher; stay under the ceiling."""
     fence: Fence = Field(default_factory=lambda: Fence.rectangle((-10.0, 10.0), (-10.0, 10.0)))
+    """What the vehicle's centre stays inside."""
     setpoint_max_age_s: Positive = 0.2
+    """An older setpoint is not sent."""
     position_max_age_s: Positive = 0.3
+    """With an older position only holding is allowed."""
     leash_m: Positive = 0.6
     """How far the setpoint's position may lie from the vehicle's."""
     reaction_s: NonNegative = 0.6
@@ -545,6 +591,7 @@ class GuardConfig(Section):
     """How much faster, or otherwise directed, one setpoint may be than the one before; slower
     always."""
     yaw_rate_max_deg_s: Positive = 120.0
+    """No setpoint turns faster than this from the one before."""
     corridor_sigma_m: NonNegative = 0.02
     """The uncertainty of the position that the map's corridor has room for to both sides; where it
     is larger the corridor is checked that much wider."""
@@ -564,7 +611,9 @@ class DeadmanConfig(Section):
     """The thread that stops the vehicle when the control loop does not feed it."""
 
     timeout_s: Positive = 0.25
+    """Without a tick of the control loop for this long: zero velocity ..."""
     hold_after_s: Positive = 1.0
+    """... and this long after that PX4 is put in Hold."""
 
 
 CONNECTION_SCHEMES = (
@@ -582,25 +631,33 @@ class VehicleConfig(Section):
     """How the autopilot is reached."""
 
     driver: Literal["mavsdk"] = "mavsdk"
+    """The only one there is."""
     connection: str = "udpin://0.0.0.0:14540"
+    """MAVSDK's URL: `udpin://`, `udpout://`, `tcpout://`, `serial:///dev/ttyAMA0:921600`."""
     connect_timeout_s: Positive = 10.0
+    """Until it is said that no vehicle answered."""
     request_timeout_s: Positive = 3.0
+    """Until a request counts as not answered."""
     link_timeout_s: Positive = 1.5
+    """Silence for this long is a lost link."""
 
 
 class AutopilotGnssConfig(Section):
     """The receiver at the autopilot, heard over the vehicle's link."""
 
     driver: Literal["autopilot"] = "autopilot"
+    """`autopilot`: its own receiver; `serial`: one on a port of this computer, with more keys."""
 
 
 class SerialGnssConfig(Section):
     """A receiver on a serial port of the companion computer; see hal/gnss/README.md."""
 
     driver: Literal["serial"] = "serial"
+    """Which receiver this is."""
     port: str = Field(min_length=1)
     """Device; a link under /dev/serial/by-id stays the same when it is plugged in again."""
     baud: Literal["auto"] | Annotated[int, Field(ge=4_800, le=4_000_000)] = "auto"
+    """Rate of the port; auto: the one at which whole frames come."""
     latency_s: NonNegative = 0.1
     """From the moment that a solution is for, to its first byte on the wire."""
     range_error_m: Positive = 4.0
@@ -697,7 +754,7 @@ def validate_document(
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        errors = error.errors()
+        errors = _without_echoes(error.errors())
         # A misspelt key is both missing and unknown: the unknown one is what was typed.
         first = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
         location = tuple(part for part in first["loc"] if not str(part).startswith("function-"))
@@ -711,11 +768,38 @@ def validate_document(
         raise DocumentError(": ".join(words)) from None
 
 
+def _without_echoes(errors: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Without the complaint that a list is short of an entry which is complained of itself."""
+    places = [each["loc"] for each in errors]
+    return [
+        each
+        for each in errors
+        if each["type"] != "too_short"
+        or not any(loc[: len(each["loc"])] == each["loc"] != loc for loc in places)
+    ]
+
+
+_PLAIN_WORDS = {
+    "extra_forbidden": "is not a known key; remove it or correct its spelling",
+    "missing": "is missing; add it",
+    "tuple_type": "should be a list",
+    "bool_type": "should be true or false",
+    "bool_parsing": "should be true or false",
+    "float_type": "should be a number",
+    "float_parsing": "should be a number",
+    "int_type": "should be a whole number",
+    "int_parsing": "should be a whole number",
+    "int_from_float": "should be a whole number",
+    "string_type": "should be text; put it into quotes",
+    "model_type": "should be a section, with keys of its own",
+    "model_attributes_type": "should be a section, with keys of its own",
+}
+
+
 def _advice(kind: str, message: str, given: Any) -> str:
-    if kind == "extra_forbidden":
-        return "is not a known key; remove it or correct its spelling"
-    if kind == "missing":
-        return "is missing; add it"
+    if kind in ("extra_forbidden", "missing"):
+        return _PLAIN_WORDS[kind]
+    message = _PLAIN_WORDS.get(kind, message)
     text = message.removeprefix("Value error, ")
     said = _clipped(text[:1].lower() + text[1:], 1_000)
     return f"{said}, not {reprlib.repr(given)}" if isinstance(given, str | int | float) else said

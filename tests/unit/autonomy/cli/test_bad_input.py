@@ -150,7 +150,7 @@ def test_a_flight_that_must_not_be_flown(arguments: list[str], named: str, remed
         ),
         ("planner:\n  levels: 99\n", ":2: planner.levels: ", "less than or equal to 8, not 99"),
         ("mission: [\n", ":2: ", "not valid YAML"),
-        ("- a\n- b\n", ": ", "valid dictionary"),
+        ("- a\n- b\n", ": ", "keys of its own"),
     ],
 )
 def test_a_configuration_is_refused_by_line_key_and_value(
