@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from typing import Protocol
 
 import numpy as np
 
@@ -33,6 +34,17 @@ from hal.sim.world import Contact, World
 
 _BOOT_S = 6.0
 """The autopilot's time from power to armable; flown through before the mission starts."""
+
+
+class Flyer(Protocol):
+    """What flies in a simulation: the guarded pilot, or another planner in its place."""
+
+    @property
+    def goal(self) -> Vector3:
+        """The goal being flown to, NED about the take-off point."""
+
+    def step(self, inputs: Inputs) -> Command:
+        """One tick; deterministic."""
 
 
 @dataclass
@@ -75,8 +87,12 @@ class Simulation:
         config: Config,
         route: tuple[Vector3, ...],
         seed: int = 0,
+        *,
+        flyer: Flyer | None = None,
     ) -> None:
-        """`config.guard.fence` is taken as given: callers put the scenario's there."""
+        """`config.guard.fence` is taken as given: callers put the scenario's there. `flyer` is new
+        and made for this configuration; None is the guarded pilot on the route.
+        """
         streams = [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(6)]
         self.clock = SimClock()
         when = FaultClock(self.clock.now_s())
@@ -100,10 +116,17 @@ class Simulation:
         self._position_faults = PositionFaults(scenario.faults, streams[2], clock=when)
         self._gnss_faults = GnssFaults(scenario.faults, streams[5], when)
         self._gnss = SimulatedGnss(scenario.gnss, streams[3]) if scenario.gnss.present else None
-        self.guarded = GuardedPilot(config, route)
+        self.flyer: Flyer = GuardedPilot(config, route) if flyer is None else flyer
         self._replies: list[Reply] = []
         self.pending: list[OperatorCommand] = []
         """Operator commands for the next tick."""
+
+    @property
+    def guarded(self) -> GuardedPilot:
+        """The pilot with its guard; raises TypeError where something else flies."""
+        if not isinstance(self.flyer, GuardedPilot):
+            raise TypeError(f"no guarded pilot flies here, but a {type(self.flyer).__name__}")
+        return self.flyer
 
     def spoilt_readings(self, beam: str) -> int:
         """How many readings of a beam its faults have changed, or kept back."""
@@ -139,7 +162,7 @@ class Simulation:
 
     def tick(self) -> Command:
         """Sense, decide, act, and let one period pass."""
-        command = self.guarded.step(self.inputs())
+        command = self.flyer.step(self.inputs())
         if command.wire_setpoint is not None:
             self.vehicle.send(command.wire_setpoint)
         for request in command.decision.requests:
@@ -233,7 +256,7 @@ class _Book:
         self._max_speed_m_s = max(self._max_speed_m_s, (velocity[0] ** 2 + velocity[1] ** 2) ** 0.5)
         if decision.state not in (MissionState.TAKEOFF, MissionState.LAND, MissionState.DONE):
             self._navigating.append(decision.now_s)
-            self._error_m = distance(point, simulation.guarded.pilot.goal[:2])
+            self._error_m = distance(point, simulation.flyer.goal[:2])
 
     def close(self, command: Command, wall_s: float) -> SimulatedFlight:
         """The finished record."""
