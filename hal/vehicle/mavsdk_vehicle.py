@@ -53,6 +53,7 @@ from hal.readings import (
     VehicleStatus,
 )
 from hal.setpoints import Reply, Request, RequestKind, Setpoint
+from hal.vehicle.native_thread import NativeThreads
 from hal.vehicle.setpoint_sender import SetpointSender
 from hal.vehicle.telemetry import AUTOPILOT_COMPONENT, Telemetry
 
@@ -78,10 +79,19 @@ PREFLIGHT_PARAMETERS: dict[str, type[int] | type[float]] = {
 }
 """Parameters asked for when connecting, with their types in PX4."""
 
-MESSAGE_INTERVALS_US = {245: 200_000, 331: 33_333, 132: 40_000, 436: 50_000}
+MESSAGE_INTERVALS_US = {
+    245: 200_000,
+    331: 33_333,
+    132: 40_000,
+    436: 50_000,
+    30: 20_000,
+    33: 200_000,
+}
 """EXTENDED_SYS_STATE (MAVSDK's action plugin slows it to 1 Hz), ODOMETRY, DISTANCE_SENSOR, and
 CURRENT_MODE: PX4 looks so often whether the mode has changed, and sends it then (else twice a
 second). HEARTBEAT, which tells the mode as well, stays at 1 Hz: PX4 refuses another rate.
+ATTITUDE and GLOBAL_POSITION_INT come at 100 and 50 Hz by themselves, which costs more than all
+else that the library hears; the one is read 20 times a second, the other only for its being there.
 """
 
 _HEARTBEATS_WAITED_FOR = 2  # one a second
@@ -145,6 +155,7 @@ class MavsdkVehicle:
         self._listeners: list[tuple[str, Callable[[WireMessage], None]]] = []
         self._system_id = 0
         self._drops = Drops()
+        self._callback_thread = NativeThreads()
         self._telemetry = self._new_telemetry()
         self._stop_place: LocalPosition | None = None
         """Where the present stop began. Touched by whoever puts a setpoint on the wire."""
@@ -364,6 +375,7 @@ class MavsdkVehicle:
         self, direct: MavlinkDirect, name: str, take: Callable[[WireMessage], None]
     ) -> None:
         def received(message: MavlinkMessage, _: object) -> None:
+            self._callback_thread.keep()
             take(
                 WireMessage(
                     self._clock.now_s(),
