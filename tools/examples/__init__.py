@@ -1,0 +1,1 @@
+"""Short programs that use the project; README.md lists them, and the tests run them."""
