@@ -11,10 +11,12 @@ JOBS ?= 2
 QUICK := tests/unit tests/contract tests/paper tests/architecture
 
 .DEFAULT_GOAL := help
-.PHONY: help fly test test-fast conformance test-browser check format bench mutation clean
+.PHONY: help setup fly test test-fast coverage conformance test-browser check format bench mutation clean
 
 help: ## show this
 	@awk -F':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
+
+setup: .venv/.dev ## the environment that checks and tests need, and nothing else
 
 fly: .venv/.core ## a simulated flight, from nothing: make fly [GOAL=4,3] [SCENARIO=default]
 	$(BIN)/autonomy fly $(FLY)
@@ -27,6 +29,9 @@ test: .venv/.dev ## the whole suite: unit, contract, paper, architecture, scenar
 
 test-fast: .venv/.dev ## what needs no flight: unit, contract, paper, architecture
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration" $(QUICK)
+
+coverage: .venv/.dev ## lines and branches of autonomy and hal that no test runs; fails below 90 %
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration and not browser" --cov --cov-report=term:skip-covered tests
 
 conformance: .venv/.dev ## measured PX4 beside the mock, or beside a PX4: make conformance [CONNECTION=udpin://0.0.0.0:14540]
 	$(BIN)/python -m pytest -q --deviations $(if $(CONNECTION),--connection $(CONNECTION)) $(CONFORMANCE) tests/conformance

@@ -32,6 +32,9 @@ LOG = ROOT / "tests" / "golden" / "flights" / "default_rolling.mcap"
 AUTONOMY = r"(\.venv/bin/|\S+=\S+ )autonomy"
 TOOL = r"\.venv/bin/python -m tools\."
 
+PROGRAMS = ("python", "pip", "pre-commit")
+"""Beside the project's own, what `.venv/bin` has for people."""
+
 ALL = [said for readme in readmes() for said in commands(readme)]
 DRONE = """vehicle: {connection: serial:///dev/ttyAMA0:921600}
 mission: {altitude_m: 0.8}
@@ -147,6 +150,7 @@ TABLE = (
     Row(rf"{AUTONOMY} (check|calibrate) ", understood, "hardware: tests/integration, tests/unit"),
     Row(rf"{TOOL}config_page", understood, "writes: tests/unit/configs/test_config_page.py"),
     Row(rf"{TOOL}\w+", understood, "minutes to hours, and writes its page: tests/unit/tools"),
+    Row(r"\.venv/bin/pre-commit install", outside, "changes the repository's hooks"),
     Row(r"make ", said_by_make, "sets up, or runs what runs this"),
     Row(r"\.venv/bin/pip install -e ", installable, "the network"),
     Row(r"sudo python3 -m tools\.deploy", understood, "root: tools.deploy.rehearsal"),
@@ -191,7 +195,7 @@ def test_it_works_as_written(said: Said, clone: Path, monkeypatch: pytest.Monkey
     words = shlex.split(plain(said.command))
     assert "|" not in words, f"{said.place}: write one command a line"
     if words[0].startswith(".venv/bin/"):
-        assert words[0].rpartition("/")[2] in {"python", "pip", *PROJECT["scripts"]}
+        assert words[0].rpartition("/")[2] in {*PROGRAMS, *PROJECT["scripts"]}
     row_of(said).check(words, monkeypatch)
 
 

@@ -20,7 +20,7 @@ from hal.errors import ConnectionFailed
 from hal.readings import RangeStatus
 from tests.support.readmes import ROOT
 from tests.unit.autonomy.test_serving import Stage
-from tools.examples import analyse_log, fly_a_route, sensor_driver, talk_to_the_service
+from tools.examples import analyse_log, fly_a_route, planner, sensor_driver, talk_to_the_service
 
 FOLDER = ROOT / "tools" / "examples"
 LOG = ROOT / "tests" / "golden" / "flights" / "default_rolling.mcap"
@@ -58,6 +58,13 @@ def test_the_same_route_is_what_the_embedded_px4_is_given(monkeypatch: pytest.Mo
     monkeypatch.setattr(app, "fly", fly)
     with pytest.raises(Prepared):
         fly_a_route.main(["--px4"])
+
+
+def test_another_planner_flies_the_furnished_room(capsys: pytest.CaptureFixture[str]) -> None:
+    planner.main([])
+    said = capsys.readouterr().out
+    assert said.startswith(f"{Ending.GOAL_REACHED}: ")
+    assert "collided: False" in said
 
 
 async def test_the_driver_s_beams_arrive() -> None:
