@@ -558,7 +558,7 @@ def serve(
             raise  # no extra brings it
         raise click.UsageError(
             f"{error.name} is not installed; the service needs: pip install 'autonomy[service]', "
-            "and for reports on its page: pip install 'autonomy[plots]'"
+            "and for reports on its page: pip install 'autonomy[log]'"
         ) from None
     context.exit(
         composition.serve(

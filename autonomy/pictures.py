@@ -1,6 +1,6 @@
 """Pictures of scenarios, plans and flights, seen from above: east to the right, north up.
 
-matplotlib (the extra `plots`) is imported only when something is drawn, and never opens a window.
+matplotlib (the extra `log`) is imported only when something is drawn, and never opens a window.
 """
 
 import math
@@ -257,7 +257,7 @@ def new_figure(rows: int = 1, size: tuple[float, float] = (5.8, 6.6)) -> tuple[A
         from matplotlib.figure import Figure
     except ImportError:
         raise BadInput(
-            "pictures need matplotlib; install it with: pip install 'autonomy[plots]'"
+            "pictures need matplotlib; install it with: pip install 'autonomy[log]'"
         ) from None
 
     figure = Figure(figsize=size, layout="constrained")

@@ -1,4 +1,4 @@
-"""The figures of a flight's page, as SVG text. matplotlib (extra `plots`) draws them."""
+"""The figures of a flight's page, as SVG text. matplotlib (extra `log`) draws them."""
 
 import io
 import math

@@ -1,6 +1,6 @@
 """PX4's own log (ULog) laid beside a flight log: the same flight as the autopilot wrote it down.
 
-The only door to pyulog (extra `report`). Positions are in PX4's local frame, as it told them to
+The only door to pyulog (extra `log`). Positions are in PX4's local frame, as it told them to
 this program. Times are put on the flight log's clock.
 """
 
@@ -83,7 +83,7 @@ def read_ulog(path: Path) -> Px4Record:
         from pyulog import ULog
     except ImportError:
         raise BadInput(
-            "PX4's log is read by pyulog, which is not installed; pip install 'autonomy[report]'"
+            "PX4's log is read by pyulog, which is not installed; pip install 'autonomy[log]'"
         ) from None
     names = ["vehicle_local_position", "vehicle_local_position_setpoint", "vehicle_attitude"]
     try:

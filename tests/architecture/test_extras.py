@@ -19,7 +19,7 @@ def test_every_extra_that_a_message_or_a_readme_names_exists() -> None:
             text = path.read_text(encoding="utf-8")
             for inside in re.findall(r"(?:autonomy|\.)\[([a-z,]+)\]['\"`]", text):
                 named.update(inside.split(","))
-    assert {"service", "plots", "report", "hardware"} <= named
+    assert {"service", "log", "hardware"} <= named
     assert named <= set(EXTRAS)
 
 

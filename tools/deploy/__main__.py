@@ -109,7 +109,7 @@ def install_package(source: str) -> None:
     say(f"installing {source} into {PREFIX}: some 750 MB, a minute or more")
     python = make_environment(PREFIX)
     pip = (str(python), "-m", "pip", "install", "--quiet", "--no-cache-dir", "--prefer-binary")
-    extras = "[service,hardware,plots]"
+    extras = "[service,hardware,log]"
     if not Path(source).is_dir():
         run(*pip, "--upgrade", f"{source}{extras}")
         run(*pip, "--force-reinstall", "--no-deps", source)  # pip keeps one of the same version
