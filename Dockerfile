@@ -37,7 +37,7 @@ RUN /opt/autonomy/bin/python -m pip install --no-cache-dir --no-index --no-deps 
  && /opt/autonomy/bin/python -m pip uninstall --yes setuptools pip \
  && find /opt/autonomy -type d -name tests -prune -exec rm -r {} + \
  && find /opt/autonomy -path '*/pymavlink/dialects/*' -type f \
-      ! -name '__init__*' ! -name 'development*' -delete
+      ! -name '__init__*' ! -name 'common*' ! -name 'development*' -delete
 
 # hadolint ignore=DL3006 # as above
 FROM ${BASE}

@@ -8,6 +8,7 @@ the core, the extras of a drone and what builds the project, with all that they 
 """
 
 import argparse
+import importlib.util
 import re
 import subprocess
 import sys
@@ -86,19 +87,27 @@ def resolve(project: Mapping[str, Any], into: Path, *options: str) -> None:
     Raises SystemExit with uv's own words when it finds no answer.
     """
     oldest = project["project"]["requires-python"].removeprefix(">=")
-    command = ["uv", "pip", "compile", "--quiet", "--universal", "--no-header"]
+    if importlib.util.find_spec("uv") is None:
+        raise SystemExit("uv is not installed; .venv/bin/pip install -e '.[release]'")
+    command = [
+        sys.executable,
+        "-m",
+        "uv",
+        "pip",
+        "compile",
+        "--quiet",
+        "--universal",
+        "--no-header",
+    ]
     command += [f"--python-version={oldest}", *(f"--extra={name}" for name in EXTRAS), *options]
-    try:
-        done = subprocess.run(
-            [*command, f"--output-file={into}", "pyproject.toml", "-"],
-            cwd=ROOT,
-            input="\n".join(project["build-system"]["requires"]),
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-    except FileNotFoundError:
-        raise SystemExit("uv is not installed; pip install 'autonomy[release]'") from None
+    done = subprocess.run(
+        [*command, f"--output-file={into}", "pyproject.toml", "-"],
+        cwd=ROOT,
+        input="\n".join(project["build-system"]["requires"]),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if done.returncode != 0:
         raise SystemExit(done.stderr.strip())
 
