@@ -76,6 +76,7 @@ class Parts:
     def enter(self, phase: Phase, why: str) -> None:
         """Say to everybody (page, log, systemd) what the service does now."""
         if phase is not self.station.phase or why != self.station.why:
-            _LOG.info("%s: %s", phase.value, why)
+            said = why if why.startswith(phase.value) else f"{phase.value}: {why}"
+            _LOG.info("%s", said)
         self.station.enter(phase, why)
         self.notifier.status(why)
