@@ -39,7 +39,8 @@ from autonomy.virtual_world import near_miss, typed_driver, warning, with_virtua
 from autonomy.warm import warm_up
 from hal import registry
 from hal.clock import MonotonicClock
-from hal.config import CONNECTION_SCHEMES, DEVICE_SCHEMES, validate_document
+from hal.config import CONNECTION_SCHEMES, DEVICE_SCHEMES
+from hal.documents import validate_document
 from hal.errors import ConnectionFailed
 from hal.frames import Vector3, ned_from_enu, ned_from_frd
 from hal.gnss.autopilot_gnss import AutopilotGnss

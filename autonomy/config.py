@@ -17,10 +17,9 @@ from hal.config import (
     GuardConfig,
     NonNegative,
     Positive,
-    Section,
     VehicleConfig,
-    load_document,
 )
+from hal.documents import Section, load_document
 
 
 class BodyConfig(Section):

@@ -17,7 +17,8 @@ from autonomy.model import Ending, Outcome, Plan
 from autonomy.report import FlightReport, with_truth
 from autonomy.service.logs import report_path
 from autonomy.tally import Tally
-from hal.config import Fence, validate_document
+from hal.config import Fence
+from hal.documents import validate_document
 from hal.sim.scenario import load_scenario
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from autonomy import config as mission_side
 from autonomy.config import Config
 from hal import config as hardware_side
-from hal.config import Section, validate_document
+from hal.documents import Section, validate_document
 from hal.errors import DocumentError
 from tools.config_refusals import RULES
 from tools.pages import renewed

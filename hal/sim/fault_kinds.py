@@ -15,7 +15,8 @@ from typing import Annotated, Literal, get_args
 import yaml
 from pydantic import Field, TypeAdapter, ValidationError
 
-from hal.config import Finite, NonNegative, Positive, Section
+from hal.config import Finite, NonNegative, Positive
+from hal.documents import Section, in_plain_words
 from hal.errors import DocumentError
 
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -385,5 +386,5 @@ def _advice(kind: str, error: ValidationError) -> str:
         return f"{kind} has no key {key}; it has {keys}"
     if first["type"] == "missing":
         return f"{kind} needs {key}=..., {_EXAMPLE}"
-    message = first["msg"]
-    return f"{key}: {message[:1].lower()}{message[1:]}, not {first['input']!r}"
+    message = in_plain_words(first["type"], first["msg"])
+    return f"{key}: {message}, not {first['input']!r}"

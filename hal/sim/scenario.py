@@ -14,15 +14,8 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from hal.config import (
-    Fence,
-    Finite,
-    NonNegative,
-    PointNE,
-    Positive,
-    Section,
-    load_document,
-)
+from hal.config import Fence, Finite, NonNegative, PointNE, Positive
+from hal.documents import Section, load_document
 from hal.errors import DocumentError
 from hal.frames import Vector3
 from hal.sim.fault_kinds import Fault, parse_fault

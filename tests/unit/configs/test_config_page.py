@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from autonomy import config as mission_side
 from autonomy.config import Config
 from hal import config as hardware_side
-from hal.config import validate_document
+from hal.documents import validate_document
 from hal.errors import DocumentError
 from tools import config_page
 from tools.config_refusals import RULES

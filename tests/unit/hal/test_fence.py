@@ -11,7 +11,8 @@ from autonomy.config import MapConfig, PlannerConfig
 from autonomy.model import Plan
 from autonomy.perception.obstacle_map import ObstacleMap
 from autonomy.t3drm.planner import Planner
-from hal.config import Fence, GuardConfig, validate_document
+from hal.config import Fence, GuardConfig
+from hal.documents import validate_document
 from hal.errors import DocumentError
 
 L_SHAPE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 0.0), (0.0, 0.0), (0.0, 1.0), (-1.0, 1.0))

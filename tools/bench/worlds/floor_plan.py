@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 from pydantic import Field, ValidationError
 
-from hal.config import Fence, NonNegative, Positive, Section, load_document
+from hal.config import Fence, NonNegative, Positive
+from hal.documents import Section, load_document
 from hal.errors import DocumentError
 from hal.sim.scenario import Box, Scenario
 from tools.bench.rooms import OFF_THE_WALLS_M

@@ -15,7 +15,7 @@ from autonomy.mission.failsafe import (
     response_to,
 )
 from autonomy.model import Ending, FusedState
-from hal.config import validate_document
+from hal.documents import validate_document
 from hal.errors import DocumentError
 from hal.frames import ZERO3
 from hal.readings import FlightMode, LandedState, VehicleStatus

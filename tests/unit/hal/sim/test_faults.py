@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from hal.config import BeamsConfig, validate_document
+from hal.config import BeamsConfig
+from hal.documents import validate_document
 from hal.errors import DocumentError
 from hal.frames import Vector3, ned_from_geodetic
 from hal.readings import FixType, GnssFix, LocalPosition, RangeReading, RangeStatus

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hal.config import BeamsConfig, Section, validate_document
+from hal.config import BeamsConfig
+from hal.documents import Section, validate_document
 from hal.errors import DocumentError
 from hal.sim import scenario as scenarios
 from hal.sim.fault_kinds import fault_kinds

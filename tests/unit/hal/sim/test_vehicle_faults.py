@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from hal.config import validate_document
+from hal.documents import validate_document
 from hal.frames import ZERO3, Vector3
 from hal.sim.autopilot import Autopilot
 from hal.sim.fault_clock import FaultClock
