@@ -6,12 +6,15 @@ GOAL ?= 4,3
 SCENARIO ?= default
 FLY ?= --goal $(GOAL) --sim $(SCENARIO)
 
+# Where `make barn` keeps its rows; begun again it goes on.
+CAMPAIGN ?= campaigns/barn
+
 # Processes of the tests. Integration tests come after the others: they fly in wall-clock time.
 JOBS ?= 2
 QUICK := tests/unit tests/contract tests/paper tests/architecture
 
 .DEFAULT_GOAL := help
-.PHONY: help setup fly test test-fast coverage conformance test-browser check format bench mutation clean
+.PHONY: help setup fly test test-fast coverage conformance test-browser check format bench barn mutation clean
 
 help: ## show this
 	@awk -F':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -52,7 +55,12 @@ format: .venv/.dev ## rewrite the sources in the house style
 
 bench: .venv/.dev ## measure flights and planners, renew tools/bench/README.md [BARN=folder]
 	$(BIN)/python -m pip install -q --prefer-binary -e ".[dev,bench]"
-	$(BIN)/python -m tools.bench --write $(if $(BARN),--barn $(BARN))
+	$(BIN)/python -m tools.bench all --write $(if $(BARN),--barn $(BARN))
+
+barn: .venv/.dev ## fly all BARN worlds, kept in CAMPAIGN: make barn BARN=folder [CAMPAIGN=campaigns/barn]
+	@test -n "$(BARN)" || { echo "name the folder with BARN's worlds.json: make barn BARN=folder"; exit 2; }
+	$(BIN)/python -m tools.bench fly $(CAMPAIGN) --world barn:all --barn $(BARN) --planner t3drm-rolling t3drm-stop --seeds 3
+	$(BIN)/python -m tools.bench report $(CAMPAIGN) --html $(CAMPAIGN)/report.html --markdown $(CAMPAIGN)/report.md
 
 mutation: .venv/.dev ## does the suite notice wrong signs and comparisons? [TARGET="direction speed"]
 	$(BIN)/python -m pip install -q --prefer-binary -e ".[dev,mutation]"

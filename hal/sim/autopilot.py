@@ -10,7 +10,7 @@ flight, land detector, battery, and the situation that they share.
 
 import math
 from collections import deque
-from typing import Protocol
+from typing import Literal, Protocol
 
 import msgspec
 import numpy as np
@@ -28,7 +28,7 @@ from hal.sim.mission import Mission
 from hal.sim.px4 import AutopilotText, Landed, Mode, Parameters, Result, Severity, SystemStatus
 from hal.sim.px4_events import AutopilotEvent, EventKind
 from hal.sim.px4_watch import HeartbeatWatch
-from hal.sim.quadrotor import EXACT, FREE3, Command, Limits, Motors, Quadrotor
+from hal.sim.quadrotor import EXACT, FREE3, Command, IdealQuadrotor, Limits, Motors, Quadrotor
 from hal.sim.sensors import EstimateOffset
 
 _FIRST_HEARTBEAT_S = 1.4  # after a restart, measured
@@ -37,6 +37,8 @@ _FIRST_HEARTBEAT_S = 1.4  # after a restart, measured
 class _VehiclePart(Protocol):
     @property
     def drag_per_mass_s(self) -> float: ...
+    @property
+    def response(self) -> Literal["px4", "ideal"]: ...
     @property
     def parameters(self) -> dict[str, float]: ...
 
@@ -70,7 +72,8 @@ class Autopilot:
         self.parameters = Parameters()
         for name, value in scenario.vehicle.parameters.items():
             self.parameters.set(name, value)
-        self.quadrotor = Quadrotor(
+        moves = IdealQuadrotor if scenario.vehicle.response == "ideal" else Quadrotor
+        self.quadrotor = moves(
             drag_per_mass_s=scenario.vehicle.drag_per_mass_s,
             yaw_rad=wrap_pi(math.radians(scenario.start_yaw_deg)),
         )

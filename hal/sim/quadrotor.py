@@ -215,6 +215,37 @@ def _advance(
         _touch(s, floor)
 
 
+@njit(cache=True)  # type: ignore[misc, unused-ignore]  # numba is untyped
+def _obey(
+    s: NDArray[np.float64],
+    c: NDArray[np.float64],
+    limits: NDArray[np.float64],
+    steps: int,
+    h: float,
+    floor: float,
+) -> None:
+    """As `_advance` with power, but what is asked is there within the substep."""
+    for i in range(_ACC, _INT + 3):
+        s[i] = 0.0
+    for i in range(_DELAY_N, _STATE_SIZE):
+        s[i] = 0.0
+    for _ in range(steps):
+        north = _demand(c[0], c[3], s[0] + c[_P_ERR], limits[0])
+        east = _demand(c[1], c[4], s[1] + c[_P_ERR + 1], limits[0])
+        down = _demand(c[2], c[5], s[2] + c[_P_ERR + 2], limits[1])
+        excess = math.sqrt(north * north + east * east) / limits[2]
+        if excess > 1.0:
+            north, east = north / excess, east / excess
+        s[_VEL] = north - c[_V_ERR]
+        s[_VEL + 1] = east - c[_V_ERR + 1]
+        s[_VEL + 2] = _limited(down, -limits[3], limits[4]) - c[_V_ERR + 2]
+        s[_RATE] = s[_RATE_LAG] = _turn_demand(c, s[_YAW], limits[5])
+        for i in range(3):
+            s[_POS + i] += s[_VEL + i] * h
+        s[_YAW] = (s[_YAW] + s[_RATE] * h + math.pi) % (2.0 * math.pi) - math.pi
+        _touch(s, floor)
+
+
 class Quadrotor:
     """True state of the vehicle in NED, and the loops that move it.
 
@@ -273,18 +304,21 @@ class Quadrotor:
         off = (*error.position_ned_m, *error.velocity_ned_m_s, error.yaw_rad)
         _ERROR.pack_into(c.data, _P_ERR * _FLOAT_BYTES, *off)
         steps = max(1, round(dt_s / SUBSTEP_S))
+        self._advance(motors is Motors.FLYING, steps, dt_s / steps)
+        self._told = self._state.tolist()
+        self._tilt_rad = None
+
+    def _advance(self, powered: bool, steps: int, h_s: float) -> None:  # noqa: FBT001  as the kernel's
         _advance(
             self._state,
-            c,
+            self._command,
             self._limits,
-            motors is Motors.FLYING,
+            powered,
             steps,
-            dt_s / steps,
+            h_s,
             self._drag_per_s,
             self._floor_m,
         )
-        self._told = self._state.tolist()
-        self._tilt_rad = None
 
     def _triple(self, at: int) -> Vector3:
         s = self._told
@@ -332,6 +366,21 @@ class Quadrotor:
         return self._tilt_rad
 
 
+class IdealQuadrotor(Quadrotor):
+    """Velocity and yaw rate are what the position controller asks for, at once: no lag, no dead
+    time, no overshoot, no tilt. The controller, its limits and the estimate's error are the same.
+
+    Nothing flies so: beside it one sees how much of a flight is PX4's response.
+    """
+
+    def _advance(self, powered: bool, steps: int, h_s: float) -> None:  # noqa: FBT001
+        if powered:
+            _obey(self._state, self._command, self._limits, steps, h_s, self._floor_m)
+        else:
+            super()._advance(powered, steps, h_s)
+
+
 def warm_up() -> None:
-    """Compile the kernel with the types used in flight."""
+    """Compile the kernels with the types used in flight."""
     Quadrotor().step(SUBSTEP_S, Command())
+    IdealQuadrotor().step(SUBSTEP_S, Command())

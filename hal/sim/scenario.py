@@ -244,6 +244,8 @@ class VehicleSimulation(Section):
 
     drag_per_mass_s: NonNegative = 0.2
     """Deceleration per speed, 1/s: 0.2 is a small real quadrotor, PX4's SIH has 1.0."""
+    response: Literal["px4", "ideal"] = "px4"
+    """How it follows setpoints: as measured on PX4, or at once."""
     body_radius_m: Positive = 0.15
     body_half_height_m: NonNegative = BODY_HALF_HEIGHT_M
     parameters: dict[str, Finite] = Field(default_factory=lambda: {"COM_OBL_RC_ACT": 5.0})

@@ -6,6 +6,7 @@ python -m tools.bench.flights [--scenario NAME ...] [--seeds N] [--rooms N] [--m
 import argparse
 import statistics
 from collections import Counter
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
@@ -149,9 +150,11 @@ def campaign(names: list[str], seeds: range, mode: str, jobs: int, rooms: int = 
     return rows
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Parse, fly, print."""
-    parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.bench flights", description=__doc__, allow_abbrev=False
+    )
     parser.add_argument(
         "--scenario", action="append", help="name or file; all shipped ones if absent"
     )
@@ -160,7 +163,7 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--mode", choices=("stop", "rolling"), default="stop")
     parser.add_argument("--jobs", type=int, default=2)
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     names = options.scenario or list(shipped_scenarios())
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     rows = campaign(names, seeds, options.mode, options.jobs, options.rooms)

@@ -489,11 +489,13 @@ def run(options: argparse.Namespace) -> None:
         report.renew("planners", page)
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.bench planners", description=__doc__, allow_abbrev=False
+    )
     add_arguments(parser)
-    run(parser.parse_args())
+    run(parser.parse_args(arguments))
 
 
 if __name__ == "__main__":

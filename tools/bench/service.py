@@ -314,13 +314,16 @@ def page(measured: Measured) -> str:
     return "\n".join(parts)
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Returns 1 where something that is wanted was not reached."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.bench service",
+        description=__doc__.splitlines()[0] if __doc__ else None,
+    )
     parser.add_argument("--scenario", default="default")
     parser.add_argument("--rest", type=float, default=10.0, help="seconds of rest")
     parser.add_argument("--write", action="store_true", help="renew tools/bench/README.md")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     if options.write:
         pages.must_have("service", report.README)
     measured = measure(options.scenario, options.rest)

@@ -6,7 +6,7 @@ python -m tools.bench.ticks [--scenario NAME ...] [--half-angle DEG] [--passes N
 import argparse
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -145,14 +145,16 @@ def section(names: list[str], half_angle_deg: float, passes: int) -> str:
     return f"{report.stamp()}\n\n{table(measured)}"
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Parse, fly, print; with --write the page is renewed as well."""
-    parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.bench ticks", description=__doc__, allow_abbrev=False
+    )
     parser.add_argument("--scenario", action="append", help=f"name, file or '{ROOM}'")
     parser.add_argument("--half-angle", type=float, default=0.0, help="degrees")
     parser.add_argument("--passes", type=int, default=3)
     parser.add_argument("--write", action="store_true", help="renew tools/bench/README.md")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     if options.write:
         pages.must_have("ticks", report.README)
     names = options.scenario or ["default", "u_trap", ROOM]

@@ -134,7 +134,7 @@ def table(flights: Sequence[Flight]) -> str:
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, fly, print."""
     parser = argparse.ArgumentParser(
-        prog="python -m tools.bench.wide", description=__doc__, allow_abbrev=False
+        prog="python -m tools.bench wide", description=__doc__, allow_abbrev=False
     )
     parser.add_argument("--barn", type=Path, required=True, help="folder with worlds.json")
     parser.add_argument(

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from autonomy.warm import warm_up
 from hal.sim.scenario import load_scenario
-from tools import pages
+from tools import pages, versions
 from tools.hunt import campaign, report, shrink
 from tools.hunt.genome import decoded
 from tools.hunt.trial import Trial, fly
@@ -68,7 +68,7 @@ def _fly(options: argparse.Namespace) -> int:
             lambda line: print(line, flush=True),
         )
     )
-    text = report.section(trials, campaign.version())
+    text = report.section(trials, versions.commit())
     print(text)
     if options.write:
         pages.renew("hunt", text, report.README)

@@ -4,7 +4,6 @@ A block is a hunt, or so many random rooms in a row. A campaign that was stopped
 that have no file yet. Another version of the program wants another folder.
 """
 
-import subprocess
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
@@ -22,16 +21,6 @@ _TOLD = 4
 
 _LINES = msgspec.json.Encoder()
 _TRIAL = msgspec.json.Decoder(Trial)
-
-
-def version() -> str:
-    """The commit that flies, as git tells it; `unknown` where there is no git."""
-    try:
-        asked = ["git", "describe", "--always", "--dirty"]
-        told = subprocess.run(asked, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-    return told.stdout.strip()
 
 
 def blocks(rooms: int, hunts: int) -> list[str]:
