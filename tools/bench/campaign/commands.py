@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from autonomy.errors import BadInput
+from hal.sim.scenario import Scenario
 from tools.bench.campaign import flying, order, pictures, report
 from tools.bench.campaign.arena import worlds
 from tools.bench.campaign.case import Case, Row, differences, one_of
@@ -18,6 +19,7 @@ from tools.bench.campaign.models import RESPONSES, SENSORS
 from tools.bench.campaign.order import Order
 from tools.bench.campaign.store import Store, rows_of
 from tools.bench.campaign.tables import Table
+from tools.bench.rivals import NAMES, config_of
 from tools.campaign import Hands, ProcessDied, finished, processes
 
 STOPPED = 130
@@ -33,7 +35,12 @@ def fly(arguments: Sequence[str]) -> int:
         allow_abbrev=False,
     )
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--planner", action="extend", nargs="+", help=", ".join(flying.PLANNERS))
+    parser.add_argument(
+        "--planner",
+        action="extend",
+        nargs="+",
+        help=f"{', '.join(NAMES)}; rivals also without guard: bug2/unguarded",
+    )
     parser.add_argument(
         "--world",
         action="extend",
@@ -101,7 +108,7 @@ def _order(asked: argparse.Namespace) -> Order:
     if not asked.world:
         raise BadInput("no world is named: --world room:0-99, or several")
     barn = asked.barn.resolve() if asked.barn is not None else None
-    planners = tuple(one_of(flying.PLANNERS, name) for name in asked.planner or flying.PLANNERS[:1])
+    planners = tuple(map(_planner, asked.planner or NAMES[:1]))
     names = [name for each in asked.world for name in worlds(each, barn)]
     return Order(
         planners,
@@ -112,6 +119,15 @@ def _order(asked: argparse.Namespace) -> Order:
         asked.first_seed,
         str(barn or ""),
     )
+
+
+def _planner(name: str) -> str:
+    """A planner that there is; raises BadInput."""
+    try:
+        config_of(name, Scenario(name="any"))
+    except ValueError as error:
+        raise BadInput(str(error)) from None
+    return name
 
 
 def _wrong(row: Row) -> str:

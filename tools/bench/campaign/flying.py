@@ -12,16 +12,16 @@ import numpy as np
 from autonomy.config import Config
 from autonomy.mission.guarded import Command
 from autonomy.model import Inputs
-from autonomy.simulation import SimulatedFlight, Simulation, goal_of
+from autonomy.simulation import Flyer, SimulatedFlight, Simulation, goal_of
+from hal.frames import Vector3
 from hal.sim.scenario import Scenario
 from tools.bench.campaign.arena import arena
 from tools.bench.campaign.case import Case, Row
 from tools.bench.campaign.models import with_models
-from tools.bench.rooms import shipped_config
+from tools.bench.rivals import config_of, flyer
 from tools.versions import versions
 
 RAISED = "raised"
-PLANNERS = ("t3drm-rolling", "t3drm-stop")
 _TRACEBACK_LINES = 3
 
 
@@ -31,6 +31,26 @@ class Flown(NamedTuple):
     row: Row
     scenario: Scenario
     flight: SimulatedFlight | None
+
+
+class _Timed:
+    """A flyer with a stopwatch: every step's CPU time is added to `steps_s`."""
+
+    def __init__(self, flyer: Flyer, steps_s: list[float]) -> None:
+        self._flyer = flyer
+        self._steps_s = steps_s
+
+    @property
+    def goal(self) -> Vector3:
+        """The flyer's."""
+        return self._flyer.goal
+
+    def step(self, inputs: Inputs) -> Command:
+        """The flyer's."""
+        began_s = time.thread_time()
+        command = self._flyer.step(inputs)
+        self._steps_s.append(time.thread_time() - began_s)
+        return command
 
 
 def fly(case: Case, barn: Path | None = None) -> Row:
@@ -62,24 +82,15 @@ def flown(case: Case, barn: Path | None = None) -> Flown:
 def scene(case: Case, barn: Path | None = None) -> tuple[Scenario, Config]:
     """What a case is flown in and with."""
     scenario = with_models(arena(case.world, barn).scenario, case.sensors, case.response)
-    mode = case.planner.removeprefix("t3drm-")
-    return scenario, shipped_config(scenario, mode)
+    return scenario, config_of(case.planner, scenario)
 
 
 def _simulated(
     case: Case, scenario: Scenario, config: Config, steps: list[float]
 ) -> SimulatedFlight:
-    simulation = Simulation(scenario, config, (goal_of(scenario, config),), case.seed)
-    step = simulation.guarded.step
-
-    def timed(inputs: Inputs) -> Command:
-        began_s = time.thread_time()
-        command = step(inputs)
-        steps.append(time.thread_time() - began_s)
-        return command
-
-    simulation.guarded.step = timed  # type: ignore[method-assign]  # a stopwatch before it
-    return simulation.run()
+    route = (goal_of(scenario, config),)
+    timed = _Timed(flyer(case.planner, config, route), steps)
+    return Simulation(scenario, config, route, case.seed, flyer=timed).run()
 
 
 def _row(
