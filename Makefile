@@ -59,7 +59,7 @@ bench: .venv/.dev ## measure flights and planners, renew tools/bench/README.md [
 
 barn: .venv/.dev ## fly all BARN worlds, kept in CAMPAIGN: make barn BARN=folder [CAMPAIGN=campaigns/barn]
 	@test -n "$(BARN)" || { echo "name the folder with BARN's worlds.json: make barn BARN=folder"; exit 2; }
-	$(BIN)/python -m tools.bench fly $(CAMPAIGN) --world barn:all --barn $(BARN) --planner t3drm-rolling t3drm-stop --seeds 3
+	$(BIN)/python -m tools.bench fly $(CAMPAIGN) --world barn:all --barn $(BARN) --planner t3drm-rolling --seeds 3
 	$(BIN)/python -m tools.bench report $(CAMPAIGN) --html $(CAMPAIGN)/report.html --markdown $(CAMPAIGN)/report.md
 
 mutation: .venv/.dev ## does the suite notice wrong signs and comparisons? [TARGET="direction speed"]

@@ -45,7 +45,7 @@ def fly(arguments: Sequence[str]) -> int:
         "--world",
         action="extend",
         nargs="+",
-        help="room:0-499, discs:17, barn:all, shipped:default, file:FILE.yaml",
+        help="discs:0-99, room:17, barn:all, shipped:default, file:FILE.yaml ...",
     )
     parser.add_argument("--seeds", type=_count, default=1, help="flights of each combination")
     parser.add_argument("--first-seed", type=int, default=0)
