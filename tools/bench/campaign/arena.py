@@ -36,7 +36,7 @@ def worlds(asked: str, barn: Path | None = None) -> Iterator[str]:
         yield from (f"{family}:{each}" for each in every)
         return
     names = [asked]
-    if family in (*FAMILIES, "barn"):
+    if rest and family in (*FAMILIES, "barn"):
         names = [f"{family}:{number}" for number in _numbers(asked, rest)]
     try:
         for name in names[:1] + names[-1:]:
