@@ -1,5 +1,5 @@
-"""The rivals in closed loop: other planners on the same vehicle, beams and map. See README.md."""
+"""The rivals in closed loop: other planners on the same vehicle, beams and map (../README.md)."""
 
-from tools.bench.rivals.roster import NAMES, config_of, flyer
+from tools.bench.rivals.roster import NAMES, config_of, flyer, warm_up
 
-__all__ = ["NAMES", "config_of", "flyer"]
+__all__ = ["NAMES", "config_of", "flyer", "warm_up"]

@@ -21,8 +21,8 @@ class Gains(msgspec.Struct, frozen=True):
     obstacle beyond the body.
     """
 
-    strength: float = 0.002
-    influence_m: float = 0.3
+    strength: float = 0.0003
+    influence_m: float = 0.2
 
 
 class PotentialField:

@@ -31,10 +31,10 @@ class Gains(msgspec.Struct, frozen=True):
     the thresholds of the hysteresis.
     """
 
-    window_m: float = 0.8
-    margin_m: float = 0.02
+    window_m: float = 0.7
+    margin_m: float = 0.0
     low: float = 0.2
-    high: float = 0.5
+    high: float = 1.0
 
 
 class VfhPlus:
