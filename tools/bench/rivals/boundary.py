@@ -8,12 +8,16 @@ ends, out of corners, past gaps that it does not fit into.
 import math
 
 from autonomy.geometry import Point, distance
+from hal.frames import wrap_pi
 from tools.bench.rivals import kernels
 from tools.bench.rivals.interface import Floats, View
 
 REACH_M = 0.1
-_AWAY_M, _BACK_M = 0.6, 0.15
+_AWAY_M, _BACK_M = 0.6, 0.1
 """So far from where it began must a round lead before it can end there, and how near that is."""
+_SETTLES_M = 0.15
+"""After so much way it flies as near to the boundary as it will: there the round begins."""
+_ALIKE_RAD = math.radians(60.0)
 
 
 class Boundary:
@@ -28,6 +32,7 @@ class Boundary:
         self._last = at
         self._way_m = 0.0
         self._was_away = False
+        self._first_rad = self._heading_rad
 
     def step(self, view: View, free: Floats) -> float | None:
         """The bearing to fly; None where nothing is free. `free` is the profile seen from here."""
@@ -39,12 +44,19 @@ class Boundary:
         bearing = kernels.first_free(free, self.wall_rad, self._side, REACH_M)
         if math.isnan(bearing):
             return None
+        if self._way_m < _SETTLES_M:
+            self._began_at, self._first_rad = view.point, bearing
         self._heading_rad = bearing
         return bearing
 
     @property
     def closed(self) -> bool:
-        """True when the way has come back to where it began."""
+        """True when the way has come back to where it began, and goes on as it did then.
+
+        Out of a narrow dead end it leads past where it began, too, the other way.
+        """
         near = distance(self._last, self._began_at) <= _BACK_M
+        if not near or abs(wrap_pi(self._heading_rad - self._first_rad)) > _ALIKE_RAD:
+            return False
         # A pillar's round never leads far from where it began: there its length tells.
-        return near and (self._was_away or self._way_m > 4.0 * _AWAY_M)
+        return self._was_away or self._way_m > 4.0 * _AWAY_M

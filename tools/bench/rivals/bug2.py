@@ -16,7 +16,7 @@ from tools.bench.rivals import kernels
 from tools.bench.rivals.boundary import REACH_M, Boundary
 from tools.bench.rivals.interface import Answer, Craft, GivesUp, View, towards
 
-_NEARER_M = 0.1
+_NEARER_M = 0.05
 """By so much nearer to the goal than where it was met an obstacle is left."""
 _LEAVES_M = 0.2
 """So much of the way to the goal must be free where an obstacle is left."""
