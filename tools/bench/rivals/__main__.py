@@ -4,7 +4,8 @@ python -m tools.bench.rivals [--rooms N] [--scenario NAME ...] [--planner NAME .
 
 Rooms are the first N of `tools.bench.rooms` whose way is at least `--passage` of a radius wide.
 Time ratio: seconds from the end of the take-off to the goal, over the shortest way of the body's
-disc at top speed, of the flights that reached the goal without touching anything.
+disc at top speed, of the flights that reached the goal without touching anything. That way may lead
+over or under what rivals have to fly round (`tools.bench.worlds.truth`).
 """
 
 import argparse
