@@ -11,7 +11,7 @@ CAMPAIGN ?= campaigns/barn
 
 # Processes of the tests. Integration tests come after the others: they fly in wall-clock time.
 JOBS ?= 2
-QUICK := tests/unit tests/contract tests/paper tests/architecture
+QUICK := $(addprefix tests/,unit/autonomy unit/hal unit/configs contract paper architecture)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup fly test test-fast coverage conformance test-browser check format bench barn mutation clean
@@ -30,7 +30,7 @@ test: .venv/.dev ## the whole suite: unit, contract, paper, architecture, scenar
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m integration tests
 	$(BIN)/python -m pytest -q -m browser tests/browser
 
-test-fast: .venv/.dev ## what needs no flight: unit, contract, paper, architecture
+test-fast: .venv/.dev ## what needs no flight: unit but for tools, contract, paper, architecture
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration" $(QUICK)
 
 coverage: .venv/.dev ## lines and branches of autonomy and hal that no test runs; fails below 90 %
