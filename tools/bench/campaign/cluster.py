@@ -14,26 +14,26 @@ from autonomy.warm import warm_up
 from tools.campaign import C, Hands, R
 from tools.versions import commit
 
-_ANSWER_S = 20
+_ANSWER_S = 20.0
 
 
 class OtherCommit(BadInput):
     """A worker runs something else."""
 
 
-def cluster(address: str) -> Hands:
+def cluster(address: str, *, answer_s: float = _ANSWER_S) -> Hands:
     """Whoever works for the scheduler at `address` (tcp://HOST:PORT). BadInput where none does."""
     dask = _distributed()
 
     def fly_all(missing: Sequence[C], fly: Callable[[C], R]) -> Generator[R, None, None]:
         try:
-            client = dask.Client(address, timeout=_ANSWER_S, set_as_default=False)
+            client = dask.Client(address, timeout=answer_s, set_as_default=False)
         except (OSError, ValueError) as error:
             raise BadInput(f"no scheduler answers at {address} ({error})") from None
         with client:
             flying = functools.partial(_warm, commit(), fly)
             futures = client.map(flying, missing, pure=False, retries=1)
-            for future, row in dask.as_completed(futures, with_results=True):
+            for future, row in dask.as_completed(futures, loop=client.loop, with_results=True):
                 yield row
                 future.release()
 

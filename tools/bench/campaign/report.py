@@ -27,7 +27,7 @@ p { margin: .2rem 0 .6rem; max-width: 60rem; } .quiet { color: var(--quiet); }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 td, th { text-align: left; vertical-align: top; padding: .25rem 1rem .25rem 0;
   border-bottom: 1px solid var(--line); font-size: .9rem; }
-th { color: var(--quiet); font-weight: 600; font-size: .8rem; }
+td { white-space: nowrap; } th { color: var(--quiet); font-weight: 600; font-size: .8rem; }
 .figures { display: grid; gap: 1rem;
   grid-template-columns: repeat(auto-fill, minmax(min(24rem, 100%), 1fr)); }
 figure { margin: 0; } img { max-width: 100%; height: auto; }
