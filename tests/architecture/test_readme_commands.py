@@ -156,7 +156,7 @@ TABLE = (
     Row(r"sudo python3 -m tools\.deploy", understood, "root: tools.deploy.rehearsal"),
     Row(r"(sudo )?(systemctl|nano|cp|curl|debootstrap|systemd-nspawn) ", outside,
         "the system's, with root or on another computer"),
-    Row(r"(docker|podman) ", outside, "a container engine"),
+    Row(r"(docker|podman|buildah) ", outside, "a container engine"),
     Row(r"(git clone|cd) ", outside, "the network; the shell"),
 )  # fmt: skip
 
@@ -173,7 +173,8 @@ def row_of(said: Said) -> Row:
             return row
     raise AssertionError(
         f"{said.place}: {said.command!r} is in no row of the table in {Path(__file__).name}: add "
-        "one that says how it is checked, or fence what is no command as ```text"
+        "one that says how it is checked, begin with .venv/bin/, or fence what is no command "
+        "as ```text"
     )
 
 
