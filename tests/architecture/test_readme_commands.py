@@ -30,7 +30,7 @@ from tests.support.readmes import ROOT, Said, commands, readmes
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 LOG = ROOT / "tests" / "golden" / "flights" / "default_rolling.mcap"
 AUTONOMY = r"(\.venv/bin/|\S+=\S+ )autonomy"
-TOOL = r"\.venv/bin/python -m tools\."
+TOOL = r"(sudo )?\.venv/bin/python -m tools\."
 
 PROGRAMS = ("python", "pip", "pre-commit")
 """Beside the project's own, what `.venv/bin` has for people."""
