@@ -1,0 +1,184 @@
+"""The tables and the picture of the paper's experiments, beside what the paper prints."""
+
+import statistics
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from autonomy.pictures import BLUE, GREEN, ORANGE, PURPLE, VERMILION, draw_scenario
+from tools.bench.paper.compared import PLANNERS, T3DRM, Trial, length_m, seconds
+from tools.bench.paper.flights import IDEAL, MAVSDK, SCENARIOS, SIMULATED, Row, scenario_of
+from tools.bench.paper.printed import (
+    ANTS,
+    COMPARED,
+    FIELD,
+    FLOWN,
+    SPEED_M_S,
+    Flown,
+    deviation,
+    saved,
+)
+
+REACHED = "goal_reached"
+_COLOURS = {T3DRM: BLUE, FIELD: VERMILION, ANTS: ORANGE}
+
+
+def flown_table(rows: Sequence[Row]) -> str:
+    """Tables 4 and 5: the ideal simulation against the flights, next to the paper's."""
+    lines = [
+        (
+            "| scenario | flown by | flights, goal reached | length m, mean (std) | of the ideal "
+            "| time s, mean (std) | of the ideal | least clearance m |"
+        ),
+        f"|{'---|' * 8}",
+    ]
+    for paper in FLOWN:
+        lines += _paper_lines(paper)
+        for mode in dict.fromkeys(row.case.mode for row in rows):
+            for how in (IDEAL, SIMULATED, MAVSDK):
+                mine = _of(rows, paper.scenario, mode, how)
+                if mine:
+                    lines.append(_flown_line(mine, _of(rows, paper.scenario, mode, IDEAL)))
+    return "\n".join(lines)
+
+
+def _paper_lines(paper: Flown) -> list[str]:
+    first = f"| {paper.scenario} | the paper: simulation | | {paper.simulated_m:.2f} | "
+    length, time = (
+        deviation(paper.simulated_m, paper.flown_m),
+        deviation(paper.simulated_s, paper.flown_s),
+    )
+    return [
+        f"{first}| {paper.simulated_s:.1f} | | |",
+        (
+            f"| {paper.scenario} | the paper: flight | | {paper.flown_m:.2f} | {length:+.2%} "
+            f"| {paper.flown_s:.1f} | {time:+.2%} | |"
+        ),
+    ]
+
+
+def _of(rows: Sequence[Row], scenario: int, mode: str, how: str) -> list[Row]:
+    return [
+        row
+        for row in rows
+        if (row.case.scenario, row.case.mode, row.case.how) == (scenario, mode, how)
+    ]
+
+
+def _flown_line(mine: Sequence[Row], ideal: Sequence[Row]) -> str:
+    case = mine[0].case
+    good = [row for row in mine if row.ending == REACHED]
+    told = {
+        IDEAL: "ideal simulation",
+        SIMULATED: "measured response and noise, in process",
+        MAVSDK: "flight over MAVSDK and the mock PX4",
+    }[case.how]
+    clearances = [row.clearance_m for row in mine if row.clearance_m is not None]
+    least = f"{min(clearances):.2f}" if clearances else ""
+    head = f"| {case.scenario} | {case.mode}: {told} | {len(good)} of {len(mine)} | "
+    if not good:
+        return f"{head}| | | | {least} |"
+    return (
+        f"{head}{_mean(good, lambda row: row.length_m, 2)} "
+        f"| {_off(good, ideal, lambda row: row.length_m)} "
+        f"| {_mean(good, lambda row: row.navigation_s, 1)} "
+        f"| {_off(good, ideal, lambda row: row.navigation_s)} | {least} |"
+    )
+
+
+def _mean(rows: Sequence[Row], value: Callable[[Row], float], digits: int) -> str:
+    values = [value(row) for row in rows]
+    if len(values) < 2:
+        return f"{values[0]:.{digits}f}"
+    return f"{statistics.mean(values):.{digits}f} ({statistics.stdev(values):.{digits}f})"
+
+
+def _off(rows: Sequence[Row], ideal: Sequence[Row], value: Callable[[Row], float]) -> str:
+    """How far the mean is from the ideal flight, of the mean (as the paper calculates)."""
+    if not ideal or rows[0].case.how == IDEAL:
+        return ""
+    mean, best = statistics.mean(value(row) for row in rows), value(ideal[0])
+    return f"{(mean - best) / mean:+.2%}"
+
+
+def compared_table(trials: Sequence[Trial]) -> str:
+    """Tables 6 and 7: lengths, times at the paper's speed, computing times, and what is saved."""
+    lines = [
+        (
+            "| scenario | planner | length m | of the straight line | T3DRM saves | paper's ratio "
+            f"| T3DRM saves, paper | time at {SPEED_M_S:g} m/s, s | paper's time s "
+            "| computing ms, p50 |"
+        ),
+        f"|{'---|' * 10}",
+    ]
+    for paper in COMPARED:
+        straight_m = paper.straight * paper.unit_m
+        own_m = length_m(trials, paper.scenario, T3DRM)
+        for planner in PLANNERS:
+            mine_m = length_m(trials, paper.scenario, planner)
+            ms = 1e3 * seconds(trials, paper.scenario, planner)
+            printed = {T3DRM: paper.t3drm, paper.other: paper.others}.get(planner)
+            printed_s = {T3DRM: paper.t3drm_s, paper.other: paper.others_s}.get(planner)
+            gain = "" if planner == T3DRM else _gain(own_m, mine_m)
+            told = f"{saved(paper.t3drm, paper.others):.2%}" if planner == paper.other else ""
+            lines.append(
+                f"| {paper.scenario} | {planner} | {_number(mine_m, 3)} "
+                f"| {_number(mine_m and mine_m / straight_m, 3)} | {gain} "
+                f"| {_number(printed and printed / paper.straight, 3)} | {told} "
+                f"| {_number(mine_m and mine_m / SPEED_M_S, 1)} | {_number(printed_s, 2)} "
+                f"| {ms:.2f} |"
+            )
+    return "\n".join(lines)
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def _gain(own_m: float | None, other_m: float | None) -> str:
+    if own_m is None:
+        return "T3DRM found no way"
+    return "no way found" if other_m is None else f"{saved(own_m, other_m):+.2%}"
+
+
+def draw(path: Path, rows: Sequence[Row], trials: Sequence[Trial]) -> None:
+    """The five reconstructions: flights in 1 and 2, planned ways in all."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(16.0, 4.2), layout="constrained")
+    for ax, number in zip(figure.subplots(1, len(SCENARIOS)), SCENARIOS, strict=True):
+        draw_scenario(ax, scenario_of(number), legend=False)
+        ax.set_title(f"scenario {number} (reconstruction)", fontsize=9)
+        if number in (flown.scenario for flown in FLOWN):
+            _draw_rows(ax, [row for row in rows if row.case.scenario == number])
+        else:
+            _draw_trials(ax, [t for t in trials if t.scenario == number and t.trial == 0])
+        if ax.lines:
+            ax.legend(*ax.get_legend_handles_labels(), fontsize=6, loc="lower center")
+    figure.savefig(path, dpi=90)
+
+
+def _draw_rows(ax: object, rows: Sequence[Row]) -> None:
+    styles = {
+        (IDEAL, "stop"): (BLUE, "-"),
+        (SIMULATED, "stop"): (VERMILION, "--"),
+        (MAVSDK, "stop"): (GREEN, "-"),
+        (IDEAL, "rolling"): (ORANGE, "-"),
+        (SIMULATED, "rolling"): (PURPLE, "--"),
+    }
+    for row in rows:
+        style = styles.get((row.case.how, row.case.mode))
+        if row.case.seed == 0 and style is not None:
+            _line(ax, row.track, style[0], style[1], f"{row.case.mode}, {row.case.how}")
+
+
+def _draw_trials(ax: object, trials: Sequence[Trial]) -> None:
+    for trial in trials:
+        if trial.path:
+            _line(ax, trial.path, _COLOURS[trial.planner], "-", trial.planner)
+
+
+def _line(
+    ax: object, points: Sequence[tuple[float, float]], colour: str, style: str, label: str
+) -> None:
+    plot = ax.plot  # type: ignore[attr-defined]  # matplotlib is untyped here
+    plot([e for _, e in points], [n for n, _ in points], style, color=colour, lw=1.4, label=label)
