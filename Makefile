@@ -14,7 +14,7 @@ JOBS ?= 2
 QUICK := $(addprefix tests/,unit/autonomy unit/hal unit/configs contract paper architecture)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup fly test test-fast coverage conformance test-browser check format bench barn mutation clean
+.PHONY: help setup fly test test-fast coverage conformance test-browser check format bench barn paper mutation clean
 
 help: ## show this
 	@awk -F':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -61,6 +61,9 @@ barn: .venv/.dev ## fly all BARN worlds, kept in CAMPAIGN: make barn BARN=folder
 	@test -n "$(BARN)" || { echo "name the folder with BARN's worlds.json: make barn BARN=folder"; exit 2; }
 	$(BIN)/python -m tools.bench fly $(CAMPAIGN) --world barn:all --barn $(BARN) --planner t3drm-rolling --seeds 3
 	$(BIN)/python -m tools.bench report $(CAMPAIGN) --html $(CAMPAIGN)/report.html --markdown $(CAMPAIGN)/report.md
+
+paper: .venv/.dev ## the paper's Tables 4 to 7 again, renew tools/bench/paper/README.md [FLIGHTS=N over MAVSDK]
+	$(BIN)/python -m tools.bench.paper --write $(if $(FLIGHTS),--flights $(FLIGHTS)) $(if $(ROWS),--rows $(ROWS))
 
 mutation: .venv/.dev ## does the suite notice wrong signs and comparisons? [TARGET="direction speed"]
 	$(BIN)/python -m pip install -q --prefer-binary -e ".[dev,mutation]"

@@ -4,7 +4,7 @@ import statistics
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from autonomy.pictures import BLUE, GREEN, ORANGE, PURPLE, VERMILION, draw_scenario
+from autonomy.pictures import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, draw_scenario
 from tools.bench.paper.compared import PLANNERS, T3DRM, Trial, length_m, seconds
 from tools.bench.paper.flights import IDEAL, MAVSDK, SCENARIOS, SIMULATED, Row, scenario_of
 from tools.bench.paper.printed import (
@@ -144,7 +144,7 @@ def draw(path: Path, rows: Sequence[Row], trials: Sequence[Trial]) -> None:
     """The five reconstructions: flights in 1 and 2, planned ways in all."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(16.0, 4.2), layout="constrained")
+    figure = Figure(figsize=(16.0, 4.4), layout="constrained")
     for ax, number in zip(figure.subplots(1, len(SCENARIOS)), SCENARIOS, strict=True):
         draw_scenario(ax, scenario_of(number), legend=False)
         ax.set_title(f"scenario {number} (reconstruction)", fontsize=9)
@@ -153,7 +153,8 @@ def draw(path: Path, rows: Sequence[Row], trials: Sequence[Trial]) -> None:
         else:
             _draw_trials(ax, [t for t in trials if t.scenario == number and t.trial == 0])
         if ax.lines:
-            ax.legend(*ax.get_legend_handles_labels(), fontsize=6, loc="lower center")
+            place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16), "ncols": 2}
+            ax.legend(*ax.get_legend_handles_labels(), fontsize=6, frameon=False, **place)
     figure.savefig(path, dpi=90)
 
 
@@ -162,6 +163,7 @@ def _draw_rows(ax: object, rows: Sequence[Row]) -> None:
         (IDEAL, "stop"): (BLUE, "-"),
         (SIMULATED, "stop"): (VERMILION, "--"),
         (MAVSDK, "stop"): (GREEN, "-"),
+        (MAVSDK, "rolling"): (SKY, "-"),
         (IDEAL, "rolling"): (ORANGE, "-"),
         (SIMULATED, "rolling"): (PURPLE, "--"),
     }
@@ -174,7 +176,8 @@ def _draw_rows(ax: object, rows: Sequence[Row]) -> None:
 def _draw_trials(ax: object, trials: Sequence[Trial]) -> None:
     for trial in trials:
         if trial.path:
-            _line(ax, trial.path, _COLOURS[trial.planner], "-", trial.planner)
+            style = "--" if trial.planner == ANTS else "-"
+            _line(ax, trial.path, _COLOURS[trial.planner], style, trial.planner)
 
 
 def _line(
