@@ -87,3 +87,11 @@ def test_an_installation_has_the_version_and_the_command_and_the_command(install
         "m.distribution('autonomy').entry_points['autonomy'].value)"
     )
     assert run_installed(installed, code) == "True autonomy.cli:main"
+
+
+def test_an_installation_has_its_types(installed: Path) -> None:
+    code = (
+        "import importlib.resources as r; "
+        "print(*[(r.files(top) / 'py.typed').is_file() for top in ('autonomy', 'hal')])"
+    )
+    assert run_installed(installed, code) == "True True"
