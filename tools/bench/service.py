@@ -34,9 +34,8 @@ from autonomy.flightlog.reader import FlightLog
 from autonomy.service.contract import MissionRecord, MissionStatus, Phase
 from autonomy.service.server import listening_socket
 from hal.sim.scenario import load_scenario
-from tools import pages
+from tools import pages, unit_file
 from tools.bench import report
-from tools.soak.flying import unit_environment
 
 _READY_S, _MISSION_S = 900.0, 300.0
 """A first start compiles the kernels."""
@@ -143,7 +142,7 @@ class Served:
             self.port = int(free.getsockname()[1])
         command = [sys.executable, "-m", "autonomy.cli", "serve", "--sim", scenario]
         command += ["--port", str(self.port), "--log-dir", str(folder)]
-        self.process = subprocess.Popen(command, stderr=subprocess.DEVNULL, env=unit_environment())
+        self.process = unit_file.started(command, subprocess.DEVNULL)
         self._wait_ready()
 
     def get(self, path: str, timeout_s: float = 10.0) -> bytes:

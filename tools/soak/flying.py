@@ -23,6 +23,7 @@ from autonomy.service.contract import MissionOrder, Phase
 from autonomy.simulation import Simulation, goal_of, with_scenario
 from autonomy.warm import warm_up
 from hal.sim.scenario import load_scenario
+from tools import unit_file
 from tools.soak.sample import Sample, look
 
 ROOMS = ("default", "u_trap", "door", "low_wall", "divided")
@@ -64,25 +65,13 @@ def real(minutes: float, tell: Tell, every_s: float = 5.0) -> tuple[list[Sample]
         folder = Path(name)
         command = [sys.executable, "-m", "autonomy.cli", "serve", "--sim", "empty", "--port", "0"]
         with (folder / "said.txt").open("w") as said:
-            service = subprocess.Popen(
-                [*command, "--log-dir", str(folder / "logs")], stderr=said, env=unit_environment()
-            )
+            service = unit_file.started([*command, "--log-dir", str(folder / "logs")], said)
         try:
             client = _ready(service, folder / "said.txt")
             return _missions(service, client, minutes, tell, every_s)
         finally:
             service.send_signal(signal.SIGTERM)
             service.wait(120.0)
-
-
-def unit_environment() -> dict[str, str]:
-    """This process's environment, and what the unit file adds for the interpreter."""
-    unit = Path(__file__).parents[2] / "configs" / "autonomy.service"
-    added: dict[str, str] = {}
-    for line in unit.read_text(encoding="utf-8").splitlines():
-        if line.startswith("Environment="):
-            added |= dict(pair.split("=", 1) for pair in line.partition("=")[2].split())
-    return os.environ | {key: text for key, text in added.items() if key.startswith("PYTHON")}
 
 
 def _ready(service: "subprocess.Popen[bytes]", said: Path) -> Client:

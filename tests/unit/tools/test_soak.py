@@ -60,7 +60,3 @@ def test_a_short_soak_flies_and_is_looked_at_after_each_mission() -> None:
     assert [sample.missions for sample in samples] == list(range(1, len(samples) + 1))
     assert all(sample.rss_mb > 10.0 and sample.threads >= 1 for sample in samples)
     assert told[0].startswith("1 missions")
-
-
-def test_the_service_runs_with_the_interpreter_settings_of_its_unit() -> None:
-    assert flying.unit_environment()["PYTHONMALLOC"] == "malloc"
