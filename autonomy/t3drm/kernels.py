@@ -1557,6 +1557,9 @@ def _set_aside(ends: Floats, field: Field, active: Ints, flags: Mask) -> tuple[i
     centres, radii = field[0], field[1]
     box, shape = _window(ends, field, active)
     around, near = _covered(field, box, shape)
+    # Discs that are not active may reach the rim; behind it a way may lead round them all.
+    around[0, :] = around[-1, :] = 0
+    around[:, 0] = around[:, -1] = 0
     cell = box[2]
     _spread(around, int((ends[0, 0] - box[0]) / cell), int((ends[0, 1] - box[1]) / cell))
     parted = around[int((ends[1, 0] - box[0]) / cell), int((ends[1, 1] - box[1]) / cell)] != 2
