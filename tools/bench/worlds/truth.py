@@ -12,11 +12,10 @@ from autonomy.planning import outline_hits
 from autonomy.simulation import with_scenario
 from autonomy.t3drm.spherical import (
     Arc,
-    Discs,
     NoRouteReason,
     Route,
     fence_planes,
-    route_among,
+    shortest_path,
 )
 from hal.sim.scenario import Box, Disc, Scenario, Wall
 from tools.bench.rooms import END_FREE_M
@@ -31,7 +30,6 @@ NARROW_M = 0.1
 SPACING_M = 0.02
 """Of the points on outlines: a passage of NARROW_M is told 0.5 mm too wide, one of 0.24 m 0.2."""
 _ACTIVE_MAX = 1000
-_BEYOND_M = 2.0
 _BISECTIONS = 12
 _TOUCH_M = 1e-3
 """So far over a top, or under an underside, the body counts as past it."""
@@ -206,16 +204,10 @@ def _route(scenario: Scenario, config: Config, radius_m: float) -> Route | None:
     """The shortest way of a disc at the mission's height."""
     flown = with_scenario(config, scenario)
     hits = np.array(outline_hits(scenario, flown, SPACING_M), dtype=np.float64).reshape(-1, 2)
-    # Four posts beyond everything, active from the start: the search's proof of "closed" looks at a
-    # window round its active discs, and what closes that window need not close the world.
-    known = np.concatenate((hits, np.array(scenario.fence.outline_ne_m)))
-    low, high = known.min(axis=0) - _BEYOND_M, known.max(axis=0) + _BEYOND_M
-    posts = np.array((low, (low[0], high[1]), high, (high[0], low[1])))
-    centres = np.concatenate((hits, posts))
-    discs = Discs.of(centres, np.full(centres.shape[0], radius_m))
-    seeds = np.arange(hits.shape[0], centres.shape[0])
-    goal, planes = scenario.goal_ne_m, _planes(scenario)
-    found = route_among((0.0, 0.0), goal, discs, planes, _ACTIVE_MAX, seeds)
+    radii = np.full(hits.shape[0], radius_m)
+    found = shortest_path(
+        (0.0, 0.0), scenario.goal_ne_m, hits, radii, _planes(scenario), _ACTIVE_MAX
+    )
     if isinstance(found, Route):
         return found
     if found.reason is NoRouteReason.TOO_MANY:
