@@ -1,5 +1,6 @@
 """The browser for the page's tests: found, installed by root, or asked for in a sentence."""
 
+import ctypes.util
 import os
 from pathlib import Path
 
@@ -17,10 +18,11 @@ def program(folder: Path, name: str, code: str = "") -> Path:
 
 @pytest.fixture
 def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder that is all of PATH."""
+    """An empty folder that is all of PATH, on a computer that has the driver's library."""
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CHROMIUM", raising=False)
     monkeypatch.setattr(os, "geteuid", lambda: 0)
+    monkeypatch.setattr(ctypes.util, "find_library", lambda name: f"lib{name}.so.1")
     return tmp_path
 
 
@@ -38,6 +40,19 @@ def test_root_gets_it_from_apt(path: Path) -> None:
     making = f"[ $1 = update ] || {{ echo > {path}/chromium; /bin/chmod +x {path}/chromium; }}"
     program(path, "apt-get", making)
     assert chromium.installed() == str(path / "chromium")
+
+
+def test_a_browser_without_what_drives_it_gets_that(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program(path, "chromium")
+    program(path, "apt-get", f"echo $@ >> {path}/asked")
+    assert chromium.missing() == []
+    monkeypatch.setattr(ctypes.util, "find_library", lambda _: None)
+    assert chromium.missing() == ["libatomic1"]
+    assert chromium.installed() == str(path / "chromium")
+    asked = (path / "asked").read_text().splitlines()
+    assert asked == ["update -qq", "install -y -qq --no-install-recommends libatomic1"]
 
 
 @pytest.mark.parametrize(("user", "code"), [(1000, "exit 0"), (0, "exit 100"), (0, "exit 0")])
