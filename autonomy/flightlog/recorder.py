@@ -12,6 +12,7 @@ import platform
 import queue
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -97,6 +98,8 @@ class FlightRecorder:
         self._many = max(1, queue_ticks // 2)
         self._hurry = threading.Event()
         self._hurry.set()
+        self._gathered: deque[list[Row]] = deque()
+        self._ended = False
         try:
             self._file: BinaryIO = path.open("xb")
         except OSError as error:
@@ -244,40 +247,50 @@ class FlightRecorder:
         writer.add_metadata(METADATA, {"header": encode(header).decode()})
         channels = {topic: _register(writer, topic, kind) for topic, kind in TOPICS.items()}
         flush_at = 0.0  # at once: a flight that is cut short has its header
-        ended = False
-        while not ended:
-            gathered = self._gathered()
-            ended = None in gathered
-            rows = [row for entry in gathered if entry is not None for row in entry]
-            for topic, sequence, at_s, record in rows:
-                at_ns = max(0, round(at_s * _S_IN_NS))
-                writer.add_message(channels[topic], at_ns, encode(record), at_ns, sequence)
+        while not self._ended:
+            self._gather()
+            ordered = False
+            while self._gathered:
+                for topic, sequence, at_s, record in self._gathered[0]:
+                    at_ns = max(0, round(at_s * _S_IN_NS))
+                    writer.add_message(channels[topic], at_ns, encode(record), at_ns, sequence)
+                ordered = ordered or _ordered(self._gathered[0])
+                self._gathered.popleft()
             if time.monotonic() >= flush_at:
                 writer.flush()
                 os.fsync(self._file.fileno())
                 flush_at = time.monotonic() + FLUSH_S
-            elif _ordered(rows):
+            elif ordered:
                 writer.flush()
         writer.finish()
         self._file.flush()
         os.fsync(self._file.fileno())
 
-    def _gathered(self) -> list[list[Row] | None]:
-        """What came meanwhile, sooner when there is a hurry; with None, the end, as the last."""
+    def _gather(self) -> None:
+        """Take what came meanwhile, sooner when there is a hurry, and notice the end."""
         self._hurry.wait(GATHER_S)
         self._hurry.clear()  # before looking: what comes now is seen, or hurries once more
-        gathered: list[list[Row] | None] = []
         with contextlib.suppress(queue.Empty):
-            while len(gathered) < self._many and None not in gathered[-1:]:
-                gathered.append(self._queue.get_nowait())
-        if len(gathered) == self._many:
+            while not self._ended and len(self._gathered) < self._many:
+                self._take(self._queue.get_nowait())
+        if len(self._gathered) == self._many:
             self._hurry.set()
-        return gathered
+
+    def _take(self, entry: list[Row] | None) -> None:
+        if entry is None:
+            self._ended = True
+        else:
+            self._gathered.append(entry)
 
     def _drain(self) -> None:
-        """Empty the queue until the end, so that neither `tick` nor `close` ever waits for it."""
-        while (rows := self._queue.get()) is not None:
-            self._dropped += any(topic == "inputs" for topic, *_ in rows)
+        """Count what comes until the end, so that neither `tick` nor `close` ever waits for it."""
+        while True:
+            while self._gathered:
+                rows = self._gathered.popleft()
+                self._dropped += any(topic == "inputs" for topic, *_ in rows)
+            if self._ended:
+                return
+            self._take(self._queue.get())
 
 
 def _ordered(rows: list[Row]) -> bool:

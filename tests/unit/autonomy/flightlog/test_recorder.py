@@ -157,6 +157,40 @@ def test_a_full_disk_ends_the_log_tells_it_at_once_and_never_ends_the_flight(
     assert recorder.dropped > 0
 
 
+def closed_in_time(recorder: FlightRecorder) -> bool:
+    closing = threading.Thread(target=recorder.close, daemon=True)
+    closing.start()
+    closing.join(30.0)
+    return not closing.is_alive()
+
+
+def test_a_bad_record_just_before_the_end_holds_nobody_up(tmp_path: Path) -> None:
+    recorder = FlightRecorder(tmp_path / "a.mcap", HEADER)
+    inputs = plain_inputs(0.0)
+    good = plain_step(inputs)
+    bad = type(good)(good.decision, None, None, GuardReport((), np.float64(1.0), 0.0))
+    for command in (good, bad, good):
+        recorder.tick(inputs, command, 0.0)
+    assert closed_in_time(recorder)
+    assert recorder.failure is not None
+    assert "float64" in recorder.failure
+    assert recorder.dropped == 2
+
+
+def test_a_disk_that_is_full_at_the_very_end_holds_nobody_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    monkeypatch.setattr(recording, "FLUSH_S", 1e6)
+    recorder = FlightRecorder(tmp_path / "a.mcap", HEADER)
+    assert closed_in_time(recorder)
+    assert recorder.failure is not None
+    assert "No space left" in recorder.failure
+
+
 def test_a_folder_that_cannot_be_used_is_told_in_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(BadInput, match="choose another place with --log-dir"):
