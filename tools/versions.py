@@ -1,6 +1,7 @@
 """What made a result: the project, its commit, and the libraries that count."""
 
 import functools
+import hashlib
 import platform
 import subprocess
 from pathlib import Path
@@ -25,17 +26,20 @@ class Versions(msgspec.Struct, frozen=True):
 
 @functools.cache
 def commit() -> str:
-    """The commit that runs, as git tells it, with `-dirty` for what is not committed; `unknown`
-    where there is no git. Asked once in a process.
+    """The commit that runs, as git tells it; `-dirty-` and a digest for what is not committed
+    (files that git knows); `unknown` where there is no git. Asked once in a process.
     """
-    asked = ["git", "describe", "--always", "--dirty"]
     try:
-        told = subprocess.run(
-            asked, capture_output=True, text=True, check=True, cwd=Path(__file__).parent
-        )
+        name = _git("rev-parse", "--short=10", "HEAD").decode().strip()
+        changed = _git("diff", "HEAD", "--binary")
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
-    return told.stdout.strip()
+    return f"{name}-dirty-{hashlib.sha256(changed).hexdigest()[:8]}" if changed else name
+
+
+def _git(*words: str) -> bytes:
+    folder = Path(__file__).parent
+    return subprocess.run(("git", *words), capture_output=True, check=True, cwd=folder).stdout
 
 
 @functools.cache

@@ -67,7 +67,7 @@ class Service:
             ending.cancel()
 
     async def _telling(self, prepare: Prepare) -> None:
-        await prepare(lambda words: self._parts.enter(Phase.PREPARING, f"preparing: {words}"))
+        await prepare(lambda words: self._parts.enter(Phase.PREPARING, words))
 
     async def _one_connection(self) -> None:
         """From waiting for a vehicle to its silence, or to the service's end."""

@@ -141,7 +141,7 @@ async def test_a_service_that_prepares_answers_and_says_how_far_it_is(tmp_path: 
     async with asyncio.TaskGroup() as group:
         group.create_task(stage.service.run())
         await stage.until(Phase.PREPARING)
-        sentence = "the service is not ready yet: preparing: compiled 3 of 40 kernels"
+        sentence = "the service is not ready yet: compiled 3 of 40 kernels"
         with pytest.raises(Refused, match=sentence):
             stage.station.submit(MissionOrder(goals=([1.0, 0.0],)))
         with pytest.raises(Refused, match=sentence):

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from autonomy.config import Config
+from autonomy.errors import BadInput
 from autonomy.mission.guarded import Command
 from autonomy.model import Inputs
 from autonomy.simulation import Flyer, SimulatedFlight, Simulation, goal_of
@@ -56,8 +57,34 @@ class _Timed:
 
 
 def fly(case: Case, barn: Path | None = None) -> Row:
-    """The row of one case; what is raised in flight is in the row."""
+    """The row of one case; what is raised in flight, or in making its world, is in the row."""
+    try:
+        scene(case, barn)
+    except BadInput as error:
+        return _without_world(case, str(error))
     return flown(case, barn).row
+
+
+def _without_world(case: Case, why: str) -> Row:
+    """A world that cannot be made, or not be measured, does not end a campaign."""
+    family, _, number = case.world.partition(":")
+    return Row(
+        **msgspec.structs.asdict(case),
+        family=family,
+        number=int(number) if number.isdecimal() else -1,
+        reachable=False,
+        optimum_m=None,
+        passage_m=0.0,
+        keep_out_m=0.0,
+        speed_max_m_s=0.0,
+        ending=RAISED,
+        why=why,
+        collided=False,
+        clearance_m=None,
+        **msgspec.structs.asdict(versions()),
+        scenario="",
+        config="",
+    )
 
 
 def flown(case: Case, barn: Path | None = None) -> Flown:

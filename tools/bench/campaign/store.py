@@ -32,7 +32,8 @@ class Store:
         self._lock: IO[bytes] | None = None
 
     def __enter__(self) -> Self:
-        """Raises BadInput where the folder is in use, or is none."""
+        """Raises BadInput where the folder is in use, or is none, or Parquet cannot be written."""
+        _arrow()
         try:
             (self.folder / "rows").mkdir(parents=True, exist_ok=True)
             self._lock = (self.folder / ".lock").open("ab")
@@ -48,9 +49,11 @@ class Store:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.seal()
-        if self._lock is not None:
-            self._lock.close()
+        try:
+            self.seal()
+        finally:
+            if self._lock is not None:
+                self._lock.close()
 
     def kept(self) -> list[Row]:
         """Every row there is; those that were flown since the last sealing are sealed with more."""
@@ -75,6 +78,7 @@ class Store:
         unfinished = self.folder / "unfinished.parquet"
         write_part(unfinished, self._newest)
         unfinished.rename(self.folder / "rows" / f"part-{number:05d}.parquet")
+        _on_disk(self.folder / "rows")
         self._newest = []
         (self.folder / "newest.jsonl").unlink(missing_ok=True)
 
@@ -90,9 +94,13 @@ def rows_of(folder: Path) -> list[Row]:
 
     Raises BadInput where there is none.
     """
-    rows = {row.case: row for row in _parts(folder, set_aside=False)}
     newest = folder / "newest.jsonl"
-    lines = newest.read_bytes().split(b"\n")[:-1] if newest.exists() else []
+    # Before the parts: what is sealed meanwhile is then read twice, and not never.
+    try:
+        lines = newest.read_bytes().split(b"\n")[:-1]
+    except FileNotFoundError:
+        lines = []
+    rows = {row.case: row for row in _parts(folder, set_aside=False)}
     for line in lines:
         try:
             row = msgspec.json.decode(line, type=Row)
@@ -102,6 +110,15 @@ def rows_of(folder: Path) -> list[Row]:
     if not rows:
         raise BadInput(f"{folder} holds no rows of a campaign: fly one into it first")
     return [rows[case] for case in sorted(rows, key=order)]
+
+
+def _on_disk(folder: Path) -> None:
+    """Names in a folder survive a power cut from now on."""
+    opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(opened)
+    finally:
+        os.close(opened)
 
 
 def order(case: Case) -> tuple[str, int, str, str, str, str, int]:

@@ -206,3 +206,10 @@ def test_a_cluster_that_loses_a_worker_flies_the_same_rows(
 def test_a_scheduler_that_does_not_answer_is_told() -> None:
     with pytest.raises(BadInput, match="no scheduler answers at tcp://127"):
         list(cluster("tcp://127.0.0.1:9", answer_s=1)(CASES, flying.fly))
+
+
+def test_a_world_that_cannot_be_made_is_a_row_and_no_end() -> None:
+    case = Case("t3drm-rolling", "file:no/such/world.yaml", 0, "thin", "px4")
+    row = flying.fly(case)
+    assert (row.ending, row.family, row.reachable) == ("raised", "file", False)
+    assert "no/such/world.yaml" in row.why

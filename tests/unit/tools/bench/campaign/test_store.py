@@ -1,5 +1,6 @@
 """What was flown is kept, whatever happens to who flew it."""
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -95,6 +96,31 @@ def test_a_campaign_in_flight_can_be_read_beside(tmp_path: Path) -> None:
         assert len(rows_of(tmp_path)) == len(ROWS)
         with pytest.raises(BadInput, match="being flown into by another process"):
             Store(tmp_path).__enter__()
+
+
+def test_what_is_sealed_while_it_is_read_is_not_missed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Store(tmp_path) as store:
+        for each in ROWS:
+            store.keep(each)
+        read = Path.read_bytes
+
+        def sealed_behind_it(path: Path) -> bytes:
+            told = read(path)
+            if path.name == "newest.jsonl":
+                store.seal()
+            return told
+
+        monkeypatch.setattr(Path, "read_bytes", sealed_behind_it)
+        assert set(rows_of(tmp_path)) == set(ROWS)
+        assert not (tmp_path / "newest.jsonl").exists()
+
+
+def test_without_pyarrow_nothing_is_flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(BadInput, match=r"autonomy\[campaign\]"):
+        Store(tmp_path).__enter__()
 
 
 def test_a_folder_without_rows_and_lines_that_are_none_are_told(tmp_path: Path) -> None:
