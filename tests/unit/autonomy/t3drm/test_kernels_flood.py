@@ -133,6 +133,18 @@ def test_where_free_space_does_not_reach_the_goal_its_border_is_the_proof() -> N
     assert sorted(closing.tolist()) == [*range(25)]
 
 
+def test_what_is_not_active_does_not_close_the_rim_of_the_window() -> None:
+    wall = [(0.0, 0.25 * k, 0.3) for k in range(-8, 9)]
+    # They go on where the window ends, and end themselves a little further out.
+    beyond = [(0.0, -2.7, 0.6), (0.0, 2.7, 0.6)]
+    field = field_of(*wall, *beyond)
+    ends = np.array(((-1.0, 0.0), (1.0, 0.0)))
+    flags = np.ones(19, dtype=np.uint8)
+    kept, closing = kernels._set_aside(ends, field, np.arange(17), flags)
+    assert closing.tolist() == []
+    assert kept == 17
+
+
 def room(gap: bool) -> list[Disc]:
     """A ring of 60 discs around (3, 3) in which 40 more lie about, without or with a door."""
     rng = np.random.default_rng(8)
