@@ -136,7 +136,7 @@ def test_what_is_believed_is_never_farther_than_the_last_word_of_another_compani
 ) -> None:
     rivals, last = RivalSources(FRESH_S), dict[Source, RangeReading]()
     for number, (source, reading) in enumerate(said):
-        verdict = rivals.judge(source, reading, 0.01 * number)
+        verdict = rivals.judge(source, reading, 0.005 * number)  # all of them still fresh
         others = [r for s, r in last.items() if s != source and r.status is RangeStatus.VALID]
         if verdict is Verdict.BELIEVED:
             assert all(r.range_m >= reading.range_m or reading is BLIND for r in others)
