@@ -11,6 +11,7 @@ other number is written with the digits that restore the same double.
 
 import json
 import math
+import re
 from typing import Any, TypeVar
 
 import msgspec
@@ -89,14 +90,18 @@ TOPICS: dict[str, type[msgspec.Struct]] = {
 
 Record = TypeVar("Record", bound=msgspec.Struct)
 
+_NOT_FINITE = re.compile(rb"\xcb[\x7f\xff][\xf0-\xff]", re.DOTALL)
+"""Exponent bits all set. What only looks so (in a text, say) is spelled out for nothing."""
+
 
 def encode(record: msgspec.Struct) -> bytes:
     """The record as JSON; raises TypeError when a field holds what is not plain data."""
-    plain = msgspec.to_builtins(record)
-    try:
-        return _json(plain)
-    except ValueError:  # an infinity or a NaN: rare, hence not looked for beforehand
-        return _json(_spelled_out(plain))
+    # msgspec writes JSON in a tenth of the time, but null for what is not finite. In MessagePack,
+    # as quick, every float is its eight bytes behind 0xcb: what is not finite is seen there.
+    if _NOT_FINITE.search(msgspec.msgpack.encode(record)) is None:
+        return msgspec.json.encode(record)
+    plain = _spelled_out(msgspec.to_builtins(record))
+    return json.dumps(plain, allow_nan=False, separators=(",", ":")).encode()
 
 
 def decode(data: bytes, kind: type[Record]) -> Record:
@@ -108,10 +113,6 @@ def decode(data: bytes, kind: type[Record]) -> Record:
 def json_schema(kind: type[msgspec.Struct]) -> bytes:
     """The JSON schema of a record, for programs that know nothing of this one."""
     return json.dumps(msgspec.json.schema(kind)).encode()
-
-
-def _json(plain: Any) -> bytes:
-    return json.dumps(plain, allow_nan=False, separators=(",", ":")).encode()
 
 
 def _spelled_out(plain: Any) -> Any:

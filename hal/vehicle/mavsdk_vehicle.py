@@ -84,7 +84,7 @@ MESSAGE_INTERVALS_US = {
     331: 33_333,
     132: 40_000,
     436: 50_000,
-    30: 20_000,
+    30: 30_000,
     33: 200_000,
 }
 """EXTENDED_SYS_STATE (MAVSDK's action plugin slows it to 1 Hz), ODOMETRY, DISTANCE_SENSOR, and
