@@ -25,7 +25,9 @@ class Service:
             self._headers["Authorization"] = f"Bearer {token}"
 
     def ask(self, path: str, body: dict[str, Any] | None = None, method: str = "GET") -> Any:
-        """The answer as JSON; raises SystemExit with the service's sentence when it refuses."""
+        """The answer as JSON; raises SystemExit with a sentence when the service refuses, or when
+        nobody answers.
+        """
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(  # noqa: S310 - an address that the user typed
             f"{self._url}{path}", data, self._headers, method=method
@@ -35,6 +37,9 @@ class Service:
                 return json.load(answer)
         except urllib.error.HTTPError as refused:
             raise SystemExit(json.load(refused)["error"]) from None
+        except urllib.error.URLError as error:
+            why = f"no service answers at {self._url} ({error.reason})"
+            raise SystemExit(f"{why}; begin one with: autonomy serve --sim") from None
 
 
 def fly(service: Service, north_m: float, east_m: float, poll_s: float = 0.5) -> dict[str, Any]:

@@ -123,3 +123,11 @@ async def test_a_mission_is_flown_through_the_service(
                 await asyncio.to_thread(talk_to_the_service.main, [url, "--goal", "99,0"])
             stage.service.stop()
     assert "done: goal_reached" in capsys.readouterr().out
+
+
+def test_without_a_service_the_example_says_how_to_begin_one() -> None:
+    with socket.socket() as held:
+        held.bind(("127.0.0.1", 0))  # and nobody listens
+        url = f"http://127.0.0.1:{held.getsockname()[1]}"
+        with pytest.raises(SystemExit, match="begin one with: autonomy serve --sim"):
+            talk_to_the_service.main([url])
