@@ -59,10 +59,10 @@ class _Timed:
 def fly(case: Case, barn: Path | None = None) -> Row:
     """The row of one case; what is raised in flight, or in making its world, is in the row."""
     try:
-        scene(case, barn)
+        scenario, config = scene(case, barn)
     except BadInput as error:
         return _without_world(case, str(error))
-    return flown(case, barn).row
+    return _flown_in(case, barn, scenario, config).row
 
 
 def _without_world(case: Case, why: str) -> Row:
@@ -89,7 +89,10 @@ def _without_world(case: Case, why: str) -> Row:
 
 def flown(case: Case, barn: Path | None = None) -> Flown:
     """The same, with track and world."""
-    scenario, config = scene(case, barn)
+    return _flown_in(case, barn, *scene(case, barn))
+
+
+def _flown_in(case: Case, barn: Path | None, scenario: Scenario, config: Config) -> Flown:
     if not case.planner.startswith("t3drm-"):
         _rivals_compiled()
     began_s, flight, raised = time.process_time(), None, ""
@@ -139,8 +142,8 @@ def _row(
     raised: str,
 ) -> Row:
     place = arena(case.world, barn)
-    row = Row(
-        **msgspec.structs.asdict(case),
+    row = msgspec.structs.replace(
+        _without_world(case, raised),
         family=place.family,
         number=place.number,
         reachable=place.truth.reachable,
@@ -148,11 +151,6 @@ def _row(
         passage_m=place.truth.passage_m,
         keep_out_m=config.body.radius_m + config.planner.hard_clearance_m,
         speed_max_m_s=config.guidance.speed_max_m_s,
-        ending=RAISED,
-        why=raised,
-        collided=False,
-        clearance_m=None,
-        **msgspec.structs.asdict(versions()),
         scenario=digest(scenario.model_dump_json()),
         config=config_digest(config),
     )
