@@ -11,10 +11,11 @@ CAMPAIGN ?= campaigns/barn
 
 # Processes of the tests. Integration tests come after the others: they fly in wall-clock time.
 JOBS ?= 2
-QUICK := $(addprefix tests/,unit/autonomy unit/hal unit/configs contract paper architecture)
+# Files that take longest first: their order stays, or those of many short tests came first.
+QUICK := $(addprefix tests/,architecture unit/autonomy unit/hal unit/configs contract paper)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup fly test test-fast coverage conformance test-browser check format bench barn paper mutation clean
+.PHONY: help setup fly kernels test test-fast coverage conformance test-browser check format bench barn paper mutation clean
 
 help: ## show this
 	@awk -F':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -24,6 +25,9 @@ setup: .venv/.dev ## the environment that checks and tests need, and nothing els
 fly: .venv/.core ## a simulated flight, from nothing: make fly [GOAL=4,3] [SCENARIO=default]
 	$(BIN)/autonomy fly $(FLY)
 
+kernels: .venv/.dev ## compile what flies, so that tests beside each other do not all do it
+	$(BIN)/python -m autonomy.warm
+
 test: .venv/.dev ## the whole suite: unit, contract, paper, architecture, scenario, integration, browser
 	$(BIN)/python -m tools.chromium
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration and not browser" tests
@@ -31,7 +35,7 @@ test: .venv/.dev ## the whole suite: unit, contract, paper, architecture, scenar
 	$(BIN)/python -m pytest -q -m browser tests/browser
 
 test-fast: .venv/.dev ## what needs no flight: unit but for tools, contract, paper, architecture
-	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration" $(QUICK)
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not integration" $(QUICK)
 
 coverage: .venv/.dev ## lines and branches of autonomy and hal that no test runs; fails below 90 %
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration and not browser" --cov --cov-report=term:skip-covered tests

@@ -42,6 +42,7 @@ from hal.sim.scenario import load_scenario
 from tests.support.simulated_drivers import Rig
 
 TURNS = 60_000
+TICK_S = 0.05
 GOAL = (2.0, 1.0)
 LINK = ("execute_now", "send", "stop_now", "hold_now")
 
@@ -64,10 +65,16 @@ class Life:
         parts = Parts(self.config, desk, self.station, metrics, notifier, drivers)
         self.service = Service(parts)
 
-    async def until(self, holds: Callable[[], bool]) -> None:
+    async def until(self, holds: Callable[[], bool], *, alone: bool = False) -> None:
+        """Waits for it. Between looks a landing that no mission flies goes on, and with `alone`
+        whatever the vehicle does: the looks of the service would let wall-clock time pass.
+        """
         for _ in range(TURNS):
             if holds():
                 return
+            lands = self.mode is FlightMode.LAND and self.station.phase is not Phase.FLYING
+            if alone or lands:
+                self.rig.vehicle.advance(TICK_S)
             await asyncio.sleep(0.0005)
         pytest.fail(f"it never came to that: {self.said()}")
 
@@ -115,6 +122,7 @@ async def dies_in_cruise(life: Life, after_s: float = 4.0) -> None:
         for name in LINK:
             setattr(vehicle, name, Deaf())
         running.cancel()
+        await life.until(running.done, alone=True)
     for name in LINK:
         delattr(vehicle, name)
     vehicle.advance(after_s)
@@ -144,8 +152,9 @@ async def begun_anew(
         running = group.create_task(life.service.run())
         await life.until(lambda: until(life))
         assert said in life.said()
+        over = life.station.phase is not Phase.FLYING
         life.service.stop()
-        await life.until(running.done)
+        await life.until(running.done, alone=over)
     return life
 
 
