@@ -185,11 +185,11 @@ class StoreysConfig(Section):
 class PlannerConfig(Section):
     """T3DRM planning. Clearances are added to the body radius to give the keep-out radii."""
 
-    comfortable_clearance_m: Positive = 0.08
+    comfortable_clearance_m: Positive = 0.15
     """r0 of Eq. 2: keep-out radius around a hit at comfort."""
     hard_clearance_m: Positive = 0.06
     """r_min: Eq. 2's flow is stopped here."""
-    levels: int = Field(default=3, ge=1, le=8)
+    levels: int = Field(default=4, ge=1, le=8)
     """How many radii from r0 to r_min are solved and compared."""
     level_penalty: Annotated[float, Field(ge=1.0)] = 1.03
     """Factor on the length for each level below r0."""

@@ -62,6 +62,11 @@ REACH_M = 0.3
 """A hit farther than this from a disc's surface is not its, however unsure the disc is."""
 
 CONFIRM_HITS = 3
+CONFIRM_NEWS = 3
+MOVING_NEWS = 5
+"""So many of a disc's hits must have been surprises, or it stands: the first is often an edge that the
+estimate's wandering laid into what was free, and then the scan runs along what has always been there.
+"""
 MOVING_SIGMAS = 2.5
 MOVING_M_S = 0.04
 MOVING_HITS = 6
@@ -119,6 +124,8 @@ class _Track:
         self.covariance[:2, :2] += longer2 * np.array([[c * c, c * s], [c * s, s * s]])
         self.stamp_s = self.born_s = self.hit_s = ray.stamp_s
         self.hits = 1
+        self.news = 1
+        """Hits where it was free a moment ago."""
         self.misses = 0
         self.moved = False
         self.stands = False
@@ -199,10 +206,16 @@ class _Track:
         _, _, vn, ve, _ = self.state.tolist()
         speed = math.hypot(vn, ve)
         sigma = self.speed_sigma_m_s
-        if self.hits >= MOVING_HITS and speed > max(MOVING_M_S, MOVING_SIGMAS * sigma):
+        enough = self.hits >= MOVING_HITS and self.news >= MOVING_NEWS
+        if enough and speed > max(MOVING_M_S, MOVING_SIGMAS * sigma):
             self.moved, self.stands = True, False
         elif self.hit_s - self.born_s > STANDING_S and speed + sigma < 2.0 * MOVING_M_S:
             self.moved, self.stands = False, True
+
+    @property
+    def confirmed(self) -> bool:
+        """Hit often enough to be something, and often enough where it was free to be new."""
+        return self.hits >= CONFIRM_HITS and self.news >= CONFIRM_NEWS
 
     @property
     def speed_sigma_m_s(self) -> float:
@@ -245,7 +258,7 @@ class MoverTracker:
         return tuple(
             track.obstacle(now_s)
             for track in self._tracks
-            if track.hits >= CONFIRM_HITS and not track.stands and self._is_believed(track, now_s)
+            if track.confirmed and not track.stands and self._is_believed(track, now_s)
         )
 
     def unrest(self, now_s: float) -> tuple[Unrest, ...]:
@@ -310,6 +323,10 @@ class MoverTracker:
                 ):
                     continue
             if track.take(hit, ray.stamp_s, ray.beam):
+                if track.news < MOVING_NEWS:
+                    if surprising is None:
+                        surprising = self._is_surprising(hit, ray.stamp_s, known)
+                    track.news += surprising
                 return
         if surprising is None:
             surprising = self._is_surprising(hit, ray.stamp_s, known)
@@ -358,7 +375,7 @@ class MoverTracker:
             track.judge()
             if track.moved:
                 self.moved_s = now_s
-            if track.hits >= CONFIRM_HITS and not track.stands and self._is_believed(track, now_s):
+            if track.confirmed and not track.stands and self._is_believed(track, now_s):
                 self.new_s = now_s
             lost = now_s - track.hit_s > FORGET_S or track.misses >= MISSES_MAX
             self._remember(track, now_s, lost=lost)

@@ -51,13 +51,16 @@ def speed_for_clearance(
 ) -> float:
     """The loop's speed in m/s: Table 2, with the speed growing with the free sphere.
 
-    Not seen free: 0. Receding from what is near (dV > 0), or clear of it by `slow_below_m`:
-    maximum. Else linear in the clearance from the minimum at `slowest_at_m` to the maximum at
-    `slow_below_m`. clearance_m is measured from the vehicle's centre, inf when nothing is near.
+    Not seen free: 0. Clear of what is near by `slow_below_m`, or receding from it (dV > 0) and
+    clear by half the way from `slowest_at_m` to there: maximum. Else linear in the clearance from
+    the minimum at `slowest_at_m` to the maximum at `slow_below_m`. Nearer than half the way a
+    narrow place may have another side that the beams have not met yet: Table 2's maximum waits.
+    clearance_m is measured from the vehicle's centre, inf when nothing is near.
     """
     if not seen_free or math.isnan(clearance_m):
         return 0.0
-    if receding or clearance_m >= config.slow_below_m:
+    halfway_m = 0.5 * (config.slowest_at_m + config.slow_below_m)
+    if clearance_m >= (halfway_m if receding else config.slow_below_m):
         return config.speed_max_m_s
     share = (clearance_m - config.slowest_at_m) / (config.slow_below_m - config.slowest_at_m)
     rise = config.speed_max_m_s - config.speed_min_m_s

@@ -67,6 +67,19 @@ def test_nothing_that_stands_becomes_a_mover() -> None:
     assert stage.tracker.moved_s == -math.inf
 
 
+def test_an_edge_that_wanders_into_what_was_free_is_not_a_mover() -> None:
+    """The estimate swings by 4.5 cm: edges seem to come, and the scan runs along what stands."""
+    for number in range(24):
+        at_rad = number * math.pi / 12.0
+        c, s = math.cos(at_rad), math.sin(at_rad)
+        stage = Stage(((0.75 * c, 0.75 * s), (0.0, 0.0), 0.5))
+        while stage.now_s < 20.0:
+            swing_m = 0.045 * math.sin(2.0 * math.pi * stage.now_s / 5.0 + number)
+            stage.origin = (-swing_m * s, swing_m * c)
+            assert stage.run(TICK_S) == (), f"taken to be new, at {stage.now_s:.2f} s of {number}"
+        assert stage.tracker.moved_s == -math.inf
+
+
 @settings(deadline=None, max_examples=15)
 @given(
     from_rad=st.floats(-math.pi, math.pi),

@@ -24,7 +24,7 @@ from hal.config import Fence
 from tests.support.ideal_vehicle import fly_ideally, row
 
 WIDE = Fence.rectangle((-6.0, 10.0), (-8.0, 8.0))
-R0 = 0.23
+R0 = 0.15 + PlannerConfig().comfortable_clearance_m
 PLANNER = Planner(PlannerConfig(), 0.15, WIDE)
 NOTHING = np.empty((0, 2))
 NO_WAY = NoPlan("no way", (), Environment.FREE, ())

@@ -89,7 +89,7 @@ def test_the_same_arguments_give_the_same_plan(seed: int) -> None:
 
 
 def test_a_narrow_door_is_passed_at_a_smaller_radius_of_the_flow() -> None:
-    # 0.43 m: too narrow for 0.23 and 0.22, wide enough for 0.21.
+    # 0.43 m: too narrow for 0.30, 0.27 and 0.24, wide enough for 0.21.
     hits = np.concatenate((wall((3.0, -1.0), (3.0, 2.785)), wall((3.0, 3.215), (3.0, 7.0))))
     plan = PLANNER.plan((0.0, 3.0), (6.0, 3.0), hits)
     assert isinstance(plan, Plan)
@@ -101,7 +101,7 @@ def test_a_smaller_radius_must_pay_for_itself() -> None:
     # Through the 0.43 m door 6 m, round the short wall only a little more.
     hits = np.concatenate((wall((3.0, 2.6), (3.0, 2.785)), wall((3.0, 3.215), (3.0, 3.4))))
     assert isinstance(found := PLANNER.plan((0.0, 3.0), (6.0, 3.0), hits), Plan)
-    assert found.keep_out_m == pytest.approx(0.23)
+    assert found.keep_out_m == pytest.approx(0.30)
     free = Planner(PlannerConfig(level_penalty=1.0), 0.15, FENCE)
     assert isinstance(cheap := free.plan((0.0, 3.0), (6.0, 3.0), hits), Plan)
     assert cheap.keep_out_m == pytest.approx(0.21)

@@ -39,8 +39,13 @@ def test_two_flags_in_a_row_have_to_be_named() -> None:
     assert kinds["receding"] is kinds["seen_free"] is inspect.Parameter.KEYWORD_ONLY
 
 
-def test_receding_is_flown_at_the_maximum() -> None:
-    assert speed_for_clearance(0.16, CONFIG, receding=True) == 0.2
+@pytest.mark.parametrize(
+    ("clearance_m", "speed_m_s"), [(0.16, 0.08), (0.2, 0.125), (0.2099, 0.13985), (0.2101, 0.2)]
+)
+def test_receding_is_flown_at_the_maximum_where_there_is_room(
+    clearance_m: float, speed_m_s: float
+) -> None:
+    assert speed_for_clearance(clearance_m, CONFIG, receding=True) == pytest.approx(speed_m_s)
 
 
 def test_what_is_not_seen_or_not_known_is_not_flown_into() -> None:
@@ -56,9 +61,9 @@ def test_the_dead_band_holds_a_noisy_rate_at_constant() -> None:
 
 
 def test_the_rate_decides_whether_the_drone_recedes() -> None:
-    assert speed_limit_m_s(0.2, +0.3, CONFIG) == 0.2
-    assert speed_limit_m_s(0.2, +0.1, CONFIG) < 0.2  # inside the dead band
-    assert speed_limit_m_s(0.2, -0.3, CONFIG) == speed_for_clearance(0.2, CONFIG)
+    assert speed_limit_m_s(0.22, +0.3, CONFIG) == 0.2
+    assert speed_limit_m_s(0.22, +0.1, CONFIG) < 0.2  # inside the dead band
+    assert speed_limit_m_s(0.22, -0.3, CONFIG) == speed_for_clearance(0.22, CONFIG)
 
 
 def test_the_volume_is_capped_at_the_sensors_range() -> None:
