@@ -15,7 +15,7 @@ import numpy as np
 from autonomy.config import Config
 from autonomy.geometry import Point, distance
 from autonomy.mission.guarded import Command, GuardedPilot
-from autonomy.model import Inputs, MissionState, OperatorCommand, Outcome
+from autonomy.model import Decision, Inputs, MissionState, OperatorCommand, Outcome
 from autonomy.planning_time import PlanningTime
 from autonomy.t3drm.bound import BoundTally, PathBound
 from autonomy.t3drm.sides import SideChanges
@@ -34,6 +34,7 @@ from hal.sim.world import Contact, World
 
 _BOOT_S = 6.0
 """The autopilot's time from power to armable; flown through before the mission starts."""
+_AT_HEIGHT_M = 0.1
 
 
 class Flyer(Protocol):
@@ -54,6 +55,9 @@ class SimulatedFlight:
     outcome: Outcome
     flight_time_s: float
     navigation_time_s: float
+    """From Offboard to LAND, the rest of the first climb included."""
+    climb_time_s: float
+    """Of that, until the height of flight was reached for the first time, less `_AT_HEIGHT_M`."""
     path_length_m: float
     true_clearance_m: float
     collided: bool
@@ -207,6 +211,7 @@ class _Book:
         self._height_changes = 0
         self._airborne_from_s: float | None = None
         self._navigating: list[float] = []
+        self._at_height_s: float | None = None
         self._clearance_m = float("inf")
         self._contacts: list[tuple[MissionState, Contact]] = []
         self._touching: str | None = ""
@@ -256,7 +261,15 @@ class _Book:
         self._max_speed_m_s = max(self._max_speed_m_s, (velocity[0] ** 2 + velocity[1] ** 2) ** 0.5)
         if decision.state not in (MissionState.TAKEOFF, MissionState.LAND, MissionState.DONE):
             self._navigating.append(decision.now_s)
+            self._note_height(decision)
             self._error_m = distance(point, simulation.flyer.goal[:2])
+
+    def _note_height(self, decision: Decision) -> None:
+        """When the height of flight was reached first."""
+        fused, height_m = decision.fused, decision.height_m
+        if self._at_height_s is None and fused is not None and height_m is not None:
+            if abs(-fused.position_ned_m[2] - height_m) <= _AT_HEIGHT_M:
+                self._at_height_s = decision.now_s
 
     def close(self, command: Command, wall_s: float) -> SimulatedFlight:
         """The finished record."""
@@ -264,13 +277,15 @@ class _Book:
         if outcome is None:
             raise ValueError("the flight has no outcome yet: close the book at its end")
         airborne_s = self._airborne_from_s
+        began_s = self._navigating[0] if self._navigating else 0.0
+        ended_s = self._navigating[-1] if self._navigating else 0.0
+        at_height_s = ended_s if self._at_height_s is None else self._at_height_s
         comfortable_m = self._config.body.radius_m + self._config.planner.comfortable_clearance_m
         return SimulatedFlight(
             outcome=outcome,
             flight_time_s=self._last_s - airborne_s if airborne_s is not None else 0.0,
-            navigation_time_s=self._navigating[-1] - self._navigating[0]
-            if self._navigating
-            else 0.0,
+            navigation_time_s=ended_s - began_s,
+            climb_time_s=at_height_s - began_s,
             path_length_m=self._length_m,
             true_clearance_m=self._clearance_m,
             collided=bool(self._contacts),

@@ -77,7 +77,9 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     """The true least one, from the body's centre."""
     length_m: float = 0.0
     navigation_s: float = 0.0
-    """Without take-off and landing."""
+    """Without take-off and landing; Offboard begins in the climb."""
+    climb_s: float = 0.0
+    """Of that, until the height of flight."""
     flight_s: float = 0.0
     simulated_s: float = 0.0
     stops: int = 0
@@ -123,6 +125,11 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
         return self.optimum_m / self.speed_max_m_s if self.optimum_m is not None else None
 
     @property
+    def way_s(self) -> float:
+        """From the height of flight over the take-off point, first look round included, to the goal."""
+        return self.navigation_s - self.climb_s
+
+    @property
     def length_ratio(self) -> float | None:
         """Flown over optimum, of flights that reached the goal."""
         return self.length_m / self.optimum_m if self.reached and self.optimum_m else None
@@ -130,7 +137,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def time_ratio(self) -> float | None:
         """Time over the optimum's at the greatest speed, of flights that reached the goal."""
-        return self.navigation_s / self.optimum_s if self.reached and self.optimum_s else None
+        return self.way_s / self.optimum_s if self.reached and self.optimum_s else None
 
 
 TIMING = ("step_us", "step_p99_us", "cpu_s")

@@ -166,6 +166,7 @@ def _with_flight(row: Row, flight: SimulatedFlight) -> Row:
         clearance_m=_finite(flight.true_clearance_m),
         length_m=flight.path_length_m,
         navigation_s=flight.navigation_time_s,
+        climb_s=flight.climb_time_s,
         flight_s=flight.flight_time_s,
         simulated_s=flight.simulated_s,
         stops=flight.stops,

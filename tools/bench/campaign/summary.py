@@ -129,13 +129,13 @@ def gave_up(row: Row) -> bool:
 def score(row: Row, least: float = 2.0) -> float | None:
     """BARN's: success * OT / clip(AT, least * OT, 8 * OT); OT the optimum at the greatest speed.
 
-    AT is the time without take-off and landing. At most 1 / least; None where there is no way.
+    AT is the time from the height of flight to the goal. At most 1 / least; None where there is no way.
     """
     if row.optimum_s is None:
         return None
     if not row.reached:
         return 0.0
-    actual_s = min(max(row.navigation_s, least * row.optimum_s), 8.0 * row.optimum_s)
+    actual_s = min(max(row.way_s, least * row.optimum_s), 8.0 * row.optimum_s)
     return row.optimum_s / actual_s
 
 

@@ -138,8 +138,8 @@ def ratios(rows: Sequence[Row], *, by_family: bool = False) -> Table:
         _title("How far and how long", by_family=by_family),
         head,
         tuple(found),
-        "Of flights that reached the goal without touching anything. Time ratio: time without "
-        "take-off and landing over (optimum / greatest speed). In parentheses 95 % intervals, by "
+        "Of flights that reached the goal without touching anything. Time ratio: time from "
+        "the height of flight to the goal over (optimum / greatest speed). In parentheses 95 % intervals, by "
         "bootstrap over worlds.",
     )
 
