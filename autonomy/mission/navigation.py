@@ -290,6 +290,7 @@ class Navigation:
         """The fixed ladder: look again, forget nearby, forget all, verdict. Never reset."""
         replan, point = self._config.mission.replan, tick.fused.point
         rung = self._ladder.climb()
+        self._sensing.maps.trust_newest()
         if rung is Rung.VERDICT:
             why = f"{rung}: {reason}"
             back = response_to(self._config, Fault.UNREACHABLE) is Response.RETURN

@@ -70,6 +70,7 @@ class ObstacleMap:
         self.moved_cells = (0, 0)
         """By how many rows and columns `shift` has moved the content of `cell`s so far."""
         self._hits: FloatArray | None = None
+        self._newest_counts = False
 
     # ------------------------------------------------------------ taking in
 
@@ -152,8 +153,23 @@ class ObstacleMap:
             age_s, cap = min(age_s, movers.seen_max_age_s), min(cap, movers.hit_cap)
             edge_deg = max(edge_deg, movers.edge_rule_deg)
         params[kernels.P_MAX_AGE] = age_s
-        params[kernels.P_CAP] = cap
+        params[kernels.P_CAP] = self._least_cap if self._newest_counts else cap
         params[kernels.P_EDGE_COS] = math.cos(math.radians(edge_deg))
+
+    def trust_newest(self) -> None:
+        """From now on one look through a hit erases it, however often it was seen before.
+
+        For a map that closes every way: hits that were taken while the position was wrong by some
+        centimetres stand beside those of now, and narrow every gap from both sides.
+        """
+        self._newest_counts = True
+        self._params[kernels.P_CAP] = self._least_cap
+        np.minimum(self._evidence, self._least_cap, out=self._evidence)
+
+    @property
+    def _least_cap(self) -> int:
+        """The evidence of one look; what is an obstacle only after more of them keeps those."""
+        return max(self._config.hit_gain, self._config.occupied_from)
 
     def shift(self, delta_ne: Point) -> None:
         """The frame jumped: what was at p is at p + `delta_ne` now. Loses nothing on the map.

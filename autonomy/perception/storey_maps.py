@@ -31,6 +31,7 @@ class StoreyMaps:
 
     def __init__(self, config: MapConfig, body_radius_m: float, fence: Fence) -> None:
         self._config, self._body_radius_m, self._fence = config, body_radius_m, fence
+        self._newest_counts = False
         self.height_m = 0.0
         """Height of the present map."""
         self.present = self._new()
@@ -112,6 +113,12 @@ class StoreyMaps:
             if low - SAME_M <= h <= high + SAME_M and (own or abs(h - from_m) > SAME_M)
         )
 
+    def trust_newest(self) -> None:
+        """`ObstacleMap.trust_newest`, at every height from now on."""
+        self._newest_counts = True
+        for _, one in self._all():
+            one.trust_newest()
+
     def forget_within(
         self, point: Point, radius_m: float, keep_disc_m: float, spacing_m: float
     ) -> None:
@@ -142,7 +149,10 @@ class StoreyMaps:
         return [(self.height_m, self.present), *self._away.items()]
 
     def _new(self) -> ObstacleMap:
-        return ObstacleMap(self._config, self._body_radius_m, self._fence)
+        new = ObstacleMap(self._config, self._body_radius_m, self._fence)
+        if self._newest_counts:
+            new.trust_newest()
+        return new
 
     def _one_a_cell(self, found: list[FloatArray]) -> FloatArray:
         taken, cells = found[0], _cells(found[0], self._config.cell_m)
