@@ -16,7 +16,8 @@ class Ladder:
     """Counts the failures of one flight. Nothing resets the count, so every flight ends."""
 
     def __init__(self, attempts: int) -> None:
-        """`attempts` rungs: a third of the way up what is near is forgotten, at two thirds all.
+        """`attempts` rungs: a third of the way up what is near is forgotten, at two thirds all, and
+        once more before the last look: a verdict rests on one map of now, of the goal's height.
 
         Raises ValueError below 3: every rung has its place.
         """
@@ -37,6 +38,6 @@ class Ladder:
             return Rung.VERDICT
         if self._failures == self._attempts // 3:
             return Rung.FORGET_NEARBY
-        if self._failures == 2 * self._attempts // 3:
+        if self._failures in (2 * self._attempts // 3, self._attempts - 1):
             return Rung.FORGET_ALL
         return Rung.LOOK_AGAIN

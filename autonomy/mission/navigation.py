@@ -287,7 +287,11 @@ class Navigation:
         return Move(state, why)
 
     def _no_way(self, tick: Tick, reason: str, evidence: tuple[Point, ...]) -> Move:
-        """The fixed ladder: look again, forget nearby, forget all, verdict. Never reset."""
+        """The fixed ladder: look again, forget nearby, forget all, verdict. Never reset.
+
+        From the first rung on the newest look counts: what was hit while the position was wrong by
+        centimetres narrows every gap.
+        """
         replan, point = self._config.mission.replan, tick.fused.point
         rung = self._ladder.climb()
         self._sensing.maps.trust_newest()

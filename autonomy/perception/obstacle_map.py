@@ -168,8 +168,9 @@ class ObstacleMap:
 
     @property
     def _least_cap(self) -> int:
-        """The evidence of one look; what is an obstacle only after more of them keeps those."""
-        return max(self._config.hit_gain, self._config.occupied_from)
+        """The evidence of one look; where an obstacle takes more of them, of so many."""
+        config = self._config
+        return min(config.hit_cap, max(config.hit_gain, config.occupied_from))
 
     def shift(self, delta_ne: Point) -> None:
         """The frame jumped: what was at p is at p + `delta_ne` now. Loses nothing on the map.

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from autonomy.config import MapConfig
+from autonomy.config import MapConfig, MoversConfig
 from autonomy.geometry import Point, along
 from autonomy.perception import kernels
 from autonomy.perception.obstacle_map import ObstacleMap, representative_hits
@@ -120,6 +120,25 @@ def test_rays_that_pass_through_a_hit_clear_it_one_by_one_up_to_its_cap() -> Non
         obstacles.update(stamp, (ray(stamp, 0.0, 1.0, RayKind.FREE, beam=3000 + k),))
         left.append(len(obstacles.hits()))
     assert left == [1] * 9 + [0] * 3
+
+
+@pytest.mark.parametrize("movers", [None, MoversConfig()])
+def test_where_the_newest_look_is_trusted_one_ray_clears_what_many_have_hit(
+    movers: MoversConfig | None,
+) -> None:
+    obstacles = new_map()
+    for k in range(9):
+        put_hit(obstacles, 1.0 + 0.1 * k, 0.0, 0.5)
+    obstacles.trust_newest()
+    obstacles.doubt(movers)
+    assert len(obstacles.hits()) == 1
+    obstacles.update(3.0, (ray(3.0, 0.0, 1.0, RayKind.FREE, beam=1),))
+    assert len(obstacles.hits()) == 0
+    for k in range(9):
+        put_hit(obstacles, 4.0 + 0.1 * k, 0.0, 0.5)
+    assert len(obstacles.hits()) == 1
+    obstacles.update(5.0, (ray(5.0, 0.0, 1.0, RayKind.FREE, beam=2),))
+    assert len(obstacles.hits()) == 0
 
 
 def test_a_ray_clears_only_what_lies_near_it_and_well_before_its_end() -> None:

@@ -193,3 +193,17 @@ def test_memory_is_bounded_and_the_last_heights_are_kept(order: list[float]) -> 
     for place, height_m in enumerate(heights):
         made.enter(height_m, (1.0, 1.0), 100.0)
         assert made.present.ever_seen(np.array([ORIGIN]))[0] == (place < MAPS_MAX)
+
+
+def test_the_newest_look_is_trusted_at_every_height_known_or_new() -> None:
+    made = maps()
+    now_s = looked(made, 0.0, 0.5)
+    made.enter(1.22, ORIGIN, now_s)
+    now_s = looked(made, now_s, 0.5)
+    made.trust_newest()
+    for height_m in (1.0, 1.22, 1.44):
+        made.enter(height_m, ORIGIN, now_s)
+        now_s = looked(made, looked(made, now_s, 0.5), 0.5)
+        assert made.present.hit_count > 0
+        now_s = looked(made, now_s, None)
+        assert made.present.clearance_m((0.3, 0.0, 0.0), 0.25) == 0.25
