@@ -64,8 +64,8 @@ REACH_M = 0.3
 CONFIRM_HITS = 3
 CONFIRM_NEWS = 3
 MOVING_NEWS = 5
-"""So many of a disc's hits must have been surprises, or it stands: the first is often an edge that the
-estimate's wandering laid into what was free, and then the scan runs along what has always been there.
+"""So many of a disc's hits must have been surprises, or it stands: the first is often an edge that
+the estimate's wandering laid into what was free, and then the scan runs along what stands behind.
 """
 MOVING_SIGMAS = 2.5
 MOVING_M_S = 0.04
