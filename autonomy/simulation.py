@@ -267,9 +267,10 @@ class _Book:
     def _note_height(self, decision: Decision) -> None:
         """When the height of flight was reached first."""
         fused, height_m = decision.fused, decision.height_m
-        if self._at_height_s is None and fused is not None and height_m is not None:
-            if abs(-fused.position_ned_m[2] - height_m) <= _AT_HEIGHT_M:
-                self._at_height_s = decision.now_s
+        if self._at_height_s is not None or fused is None or height_m is None:
+            return
+        if abs(-fused.position_ned_m[2] - height_m) <= _AT_HEIGHT_M:
+            self._at_height_s = decision.now_s
 
     def close(self, command: Command, wall_s: float) -> SimulatedFlight:
         """The finished record."""

@@ -126,7 +126,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def way_s(self) -> float:
-        """From the height of flight over the take-off point, first look round included, to the goal."""
+        """From the height of flight, first look round included, to the goal."""
         return self.navigation_s - self.climb_s
 
     @property

@@ -129,7 +129,8 @@ def gave_up(row: Row) -> bool:
 def score(row: Row, least: float = 2.0) -> float | None:
     """BARN's: success * OT / clip(AT, least * OT, 8 * OT); OT the optimum at the greatest speed.
 
-    AT is the time from the height of flight to the goal. At most 1 / least; None where there is no way.
+    AT is the time from the height of flight to the goal. At most 1 / least; None where there is no
+    way.
     """
     if row.optimum_s is None:
         return None

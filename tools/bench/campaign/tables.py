@@ -139,8 +139,8 @@ def ratios(rows: Sequence[Row], *, by_family: bool = False) -> Table:
         head,
         tuple(found),
         "Of flights that reached the goal without touching anything. Time ratio: time from "
-        "the height of flight to the goal over (optimum / greatest speed). In parentheses 95 % intervals, by "
-        "bootstrap over worlds.",
+        "the height of flight to the goal over (optimum / greatest speed). In parentheses "
+        "95 % intervals, by bootstrap over worlds.",
     )
 
 
