@@ -22,7 +22,7 @@ RULES: tuple[dict[str, Any], ...] = (
     {"map": {"corridor_hit_m": 0.15}},
     {"guidance": {"push_below_m": 0.18}},
     {"planner": {"hard_clearance_m": 0.03}},
-    {"planner": {"hard_clearance_m": 0.09}},
+    {"planner": {"hard_clearance_m": 0.16}},
     {"planner": {"storeys": {"spacing_m": 0.1}}},
     {"mission": {"altitude_m": 2.5}},
     {"guidance": {"speed_max_m_s": 0.3}},

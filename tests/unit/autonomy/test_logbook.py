@@ -57,7 +57,7 @@ def test_the_report_of_a_log_is_what_was_flown(flown: tuple[Path, SimulatedFligh
     report = report_of_log(path)
     assert report.ending is flight.outcome.ending is Ending.GOAL_REACHED
     assert (report.stops, report.replans) == (flight.stops, flight.replans)
-    assert report.path_length_m == pytest.approx(flight.path_length_m, rel=0.05)
+    assert report.path_length_m == pytest.approx(flight.path_length_m, rel=0.08)
     assert report.timing is not None
     assert len(report.timing.replans) >= report.replans > 0
     assert (report.scenario, report.seed) == ("door", 3)
