@@ -98,7 +98,7 @@ def test_a_body_that_does_not_fit_collides_and_the_room_shrinks_to_what_it_touch
             "obstacles": [*far, Disc(centre_ne_m=(1.0301, 0.7702), radius_m=0.2)],
             "goal_ne_m": (2.0, 1.5),
             "beams": {"sigma_m": 0.0, "sigma_fraction": 0.0, "dropout_probability": 0.0},
-            "vehicle": {"body_radius_m": 0.3},
+            "vehicle": {"body_radius_m": 0.4},
             "faults": ({"kind": "gnss_loss", "after": "liftoff"},),
         }
     )
