@@ -11,6 +11,7 @@ import msgspec
 
 from autonomy.errors import BadInput
 from hal.sim.scenario import Scenario
+from tools import pages
 from tools.bench.campaign import flying, order, pictures, report
 from tools.bench.campaign.arena import worlds
 from tools.bench.campaign.case import Case, Row, differences, one_of
@@ -185,7 +186,13 @@ def report_on(arguments: Sequence[str]) -> int:
     parser.add_argument("--html", type=Path, help="one page with everything in it")
     parser.add_argument("--markdown", type=Path, help="the same, pictures beside it")
     parser.add_argument("--barn", type=Path, help="where the BARN worlds are now")
+    parser.add_argument("--page", type=Path, help="a page that gets the short table ...")
+    parser.add_argument("--section", help="... between its markers <!-- SECTION: begin --> and end")
     asked = parser.parse_args(arguments)
+    if (asked.page is None) != (asked.section is None):
+        parser.error("--page and --section go together")
+    if asked.page is not None:
+        pages.must_have(asked.section, asked.page)
     return _said(lambda: _report(asked))
 
 
@@ -194,6 +201,9 @@ def _report(asked: argparse.Namespace) -> int:
     earlier = rows_of(asked.against) if asked.against is not None else None
     found = report.all_tables(rows, earlier)
     sys.stdout.write(_text(found))
+    if asked.page is not None:
+        short = report.short(rows, order.records(asked.folder))
+        pages.renew(asked.section, short, asked.page)
     if asked.html is None and asked.markdown is None:
         return 0
     barn = asked.barn.resolve() if asked.barn is not None else order.barn_of(asked.folder)

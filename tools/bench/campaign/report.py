@@ -50,6 +50,18 @@ def all_tables(rows: Sequence[Row], earlier: Sequence[Row] | None = None) -> lis
     return [*tables.tables(rows), *beside]
 
 
+def short(rows: Sequence[Row], records: Sequence[Record]) -> str:
+    """Markdown for a page of people: when, what and where, and the few columns that matter."""
+    lines = []
+    if records:
+        last = records[-1]
+        worlds, seeds = len({row.world for row in rows}), len({row.seed for row in rows})
+        how_often = "one seed" if seeds == 1 else f"{seeds} seeds"
+        when = f"{last.begun[:10]}, commit {last.versions.commit}, on {last.computer}"
+        lines = [f"Measured {when}: {worlds} worlds, {how_often}.", ""]
+    return "\n".join([*lines, tables.compact(rows).cells()])
+
+
 def figures(rows: Sequence[Row], barn: Path | None) -> list[Figure]:
     """Plots of all rows, then the worst flights, flown again."""
     plots = [Figure(name, title, png) for name, title, png in pictures.plots(rows)]

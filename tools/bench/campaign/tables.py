@@ -26,7 +26,11 @@ class Table(NamedTuple):
         lines = [f"### {self.title}", ""]
         if self.note:
             lines += [self.note, ""]
-        lines += [f"| {' | '.join(self.head)} |", f"|{'---|' * len(self.head)}"]
+        return "\n".join([*lines, self.cells()])
+
+    def cells(self) -> str:
+        """As Markdown, without title and note."""
+        lines = [f"| {' | '.join(self.head)} |", f"|{'---|' * len(self.head)}"]
         lines += [f"| {' | '.join(row)} |".replace("\n", " ") for row in self.rows]
         return "\n".join(lines)
 
@@ -141,6 +145,53 @@ def ratios(rows: Sequence[Row], *, by_family: bool = False) -> Table:
         "Of flights that reached the goal without touching anything. Time ratio: time from "
         "the height of flight to the goal over (optimum / greatest speed). In parentheses "
         "95 % intervals, by bootstrap over worlds.",
+    )
+
+
+def compact(rows: Sequence[Row]) -> Table:
+    """The few columns that a README has room for; most goals first, of equals the quickest."""
+    told = [n for n, name in enumerate(_KEY) if n == 0 or len({getattr(r, name) for r in rows}) > 1]
+    on_barn = all(row.family == "barn" for row in rows)
+    head = (
+        *(_KEY[n] for n in told),
+        "flights",
+        "goal reached, %",
+        "collisions",
+        'falsely "unreachable"',
+        "way / optimum",
+        "time / optimum",
+        "p95",
+        *(("BARN score, of 0.5", "with clip(AT, OT, 8 OT)") if on_barn else ()),
+        "least clearance m",
+    )
+    found = []
+    for key, mine in groups(rows):
+        clear = [row.clearance_m for row in mine if row.clearance_m is not None]
+        success = estimated(mine, summary.success, mean)
+        quick = estimated(mine, _time_ratio, mean)
+        cells = (
+            *(key[n] for n in told),
+            str(len(mine)),
+            f"{success.value:.1f}",
+            str(sum(row.collided for row in mine)),
+            _count(mine, summary.falsely_unreachable),
+            f"{estimated(mine, _length_ratio, mean).value:.3f}",
+            quick.text(),
+            f"{estimated(mine, _time_ratio, p95).value:.3f}",
+            *_scores(mine, on_barn=on_barn),
+            f"{min(clear):.3f}" if clear else "-",
+        )
+        found.append(((-round(success.value, 1), quick.value), cells))
+    rows_of_it = tuple(cells for _, cells in sorted(found, key=lambda each: each[0]))
+    return Table("In short", head, rows_of_it)
+
+
+def _scores(rows: Sequence[Row], *, on_barn: bool) -> tuple[str, ...]:
+    if not on_barn:
+        return ()
+    return tuple(
+        f"{estimated(rows, measure, mean).value:.4f}"
+        for measure in (summary.score, summary.strict_score)
     )
 
 

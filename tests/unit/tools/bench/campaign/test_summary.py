@@ -125,6 +125,41 @@ def test_each_planner_sensors_and_response_has_its_line_and_each_family_too() ->
     assert [line[0] for line in by_family.rows] == ["barn", "discs", "discs", "discs"]
 
 
+def test_the_short_table_has_the_best_first_and_tells_only_what_differs() -> None:
+    rows = [
+        row("discs:1", planner="slow", navigation_s=30.0),
+        row("discs:1", planner="quick", navigation_s=15.0, climb_s=2.5),
+        row("discs:1", planner="fails", ending="budget"),
+    ]
+    short = tables.compact(rows)
+    assert short.head[:2] == ("planner", "flights")
+    assert [line[0] for line in short.rows] == ["quick", "slow", "fails"]
+    quick = dict(zip(short.head, short.rows[0], strict=True))
+    assert quick["time / optimum"] == "1.250"
+    assert "BARN score, of 0.5" not in short.head
+    barn = tables.compact([row("barn:1"), row("barn:1", response="ideal")])
+    assert barn.head[:2] == ("planner", "response")
+    scores = dict(zip(barn.head, barn.rows[0], strict=True))
+    assert (scores["BARN score, of 0.5"], scores["with clip(AT, OT, 8 OT)"]) == ("0.5000", "0.5000")
+
+
+def test_the_short_table_is_written_where_a_page_has_a_place_for_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with (tmp_path / "newest.jsonl").open("wb") as file:
+        file.write(msgspec.json.encode(row("discs:1")) + b"\n")
+    page = tmp_path / "README.md"
+    page.write_text("a\n<!-- barn: begin -->\nold\n<!-- barn: end -->\nz\n", encoding="utf-8")
+    asked = [str(tmp_path), "--page", str(page), "--section", "barn"]
+    assert commands.report_on(asked) == 0
+    assert "| t3drm-rolling | 1 | 100.0 |" in page.read_text(encoding="utf-8")
+    with pytest.raises(SystemExit, match="has no place for rivals"):
+        commands.report_on([*asked[:-1], "rivals"])
+    with pytest.raises(SystemExit):
+        commands.report_on(asked[:3])
+    assert "--page and --section go together" in capsys.readouterr().err
+
+
 def test_what_got_worse_is_named_by_world_the_gravest_first() -> None:
     now = [
         msgspec.structs.replace(REACHED, navigation_s=21.0),  # 5 %: not yet
