@@ -22,6 +22,8 @@ from tools.bench.paper.printed import COMPARED, TRIALS
 FOLDER = Path(__file__).parent
 PAGE = FOLDER / "README.md"
 PICTURE = FOLDER / "scenarios.png"
+FRONT = FOLDER.parents[2] / "README.md"
+"""Has the short table, which has a meaning only with flights over MAVSDK."""
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -30,6 +32,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     if options.write:
         pages.must_have("flown", PAGE)
         pages.must_have("compared", PAGE)
+        pages.must_have("paper", FRONT)
     modes = options.mode or list(MODES)
     wanted = [*cases((IDEAL, SIMULATED), modes, options.trials)]
     wanted += cases((MAVSDK,), modes, options.flights)
@@ -42,6 +45,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         pages.renew("flown", flown, PAGE)
         pages.renew("compared", compared, PAGE)
         report.draw(PICTURE, rows, trials)
+        if options.flights:
+            pages.renew("paper", f"{measured()}\n\n{report.in_short(rows, trials)}", FRONT)
 
 
 def parsed(argv: Sequence[str] | None) -> argparse.Namespace:

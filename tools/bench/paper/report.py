@@ -78,10 +78,10 @@ def _flown_line(mine: Sequence[Row], ideal: Sequence[Row]) -> str:
     if not good:
         return f"{head}| | | | {least} |"
     return (
-        f"{head}{_mean(good, lambda row: row.length_m, 2)} "
-        f"| {_off(good, ideal, lambda row: row.length_m)} "
-        f"| {_mean(good, lambda row: row.navigation_s, 1)} "
-        f"| {_off(good, ideal, lambda row: row.navigation_s)} | {least} |"
+        f"{head}{_mean(good, _length, 2)} "
+        f"| {_off(good, ideal, _length)} "
+        f"| {_mean(good, _time, 1)} "
+        f"| {_off(good, ideal, _time)} | {least} |"
     )
 
 
@@ -138,6 +138,38 @@ def _gain(own_m: float | None, other_m: float | None) -> str:
     if own_m is None:
         return "T3DRM found no way"
     return "no way found" if other_m is None else f"{saved(own_m, other_m):+.2%}"
+
+
+def in_short(rows: Sequence[Row], trials: Sequence[Trial]) -> str:
+    """The five scenarios, a line each, beside what the paper says of them."""
+    lines = ["| scenario | what | here | the paper |", f"|{'---|' * 4}"]
+    for flown in FLOWN:
+        printed = (
+            f"{deviation(flown.simulated_m, flown.flown_m):+.1%}, "
+            f"{deviation(flown.simulated_s, flown.flown_s):+.1%}"
+        )
+        for mode in dict.fromkeys(row.case.mode for row in rows):
+            ideal = _of(rows, flown.scenario, mode, IDEAL)
+            good = [r for r in _of(rows, flown.scenario, mode, MAVSDK) if r.ending == REACHED]
+            if good and ideal:
+                here = f"{_off(good, ideal, _length)}, {_off(good, ideal, _time)}"
+                what = f"{mode}: flight over MAVSDK off its ideal simulation, length, time"
+                lines.append(f"| {flown.scenario} | {what} ({len(good)}) | {here} | {printed} |")
+    for paper in COMPARED:
+        own_m = length_m(trials, paper.scenario, T3DRM)
+        for planner in (p for p in PLANNERS if p != T3DRM):
+            told = f"{saved(paper.t3drm, paper.others):+.1%}" if planner == paper.other else "-"
+            gain = _gain(own_m, length_m(trials, paper.scenario, planner))
+            lines.append(f"| {paper.scenario} | length saved against {planner} | {gain} | {told} |")
+    return "\n".join(lines)
+
+
+def _length(row: Row) -> float:
+    return row.length_m
+
+
+def _time(row: Row) -> float:
+    return row.navigation_s
 
 
 def draw(path: Path, rows: Sequence[Row], trials: Sequence[Trial]) -> None:

@@ -8,7 +8,7 @@ import pytest
 from autonomy.simulation import goal_of
 from tools import pages
 from tools.bench.paper import report
-from tools.bench.paper.__main__ import PAGE, parsed, wrong
+from tools.bench.paper.__main__ import FRONT, PAGE, parsed, wrong
 from tools.bench.paper.compared import PLANNERS, T3DRM, compare, known_map, length_m
 from tools.bench.paper.flights import (
     IDEAL,
@@ -115,6 +115,20 @@ def test_a_planner_that_fails_and_a_flight_that_does_not_arrive_are_told() -> No
     assert length_m(trials, 3, T3DRM) is None
 
 
+def test_in_short_each_scenario_has_its_lines_beside_the_paper_s() -> None:
+    rows = [
+        Row(Case(1, IDEAL, "rolling", 0), "goal_reached", 6.0, 30.0, 0, 3, 0.2),
+        Row(Case(1, MAVSDK, "rolling", 0), "goal_reached", 6.5, 33.0, 0, 3, 0.2),
+        Row(Case(1, MAVSDK, "rolling", 1), "goal_reached", 6.0, 27.0, 0, 3, 0.2),
+        Row(Case(1, MAVSDK, "rolling", 2), "unreachable", 3.0, 90.0, 0, 3, 0.2),
+    ]
+    lines = report.in_short(rows, list(compare((3,), 1))).splitlines()
+    assert len({line.count("|") for line in lines}) == 1
+    (flown,) = [line for line in lines if line.startswith("| 1 |")]
+    assert flown.endswith("length, time (2) | +4.00%, +0.00% | +4.7%, +4.8% |")
+    assert sum(line.startswith("| 3 |") for line in lines) == len(PLANNERS) - 1
+
+
 def test_the_command_line_is_checked_and_the_page_has_its_places(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -124,6 +138,7 @@ def test_the_command_line_is_checked_and_the_page_has_its_places(
     assert "at least 1" in capsys.readouterr().err
     pages.must_have("flown", PAGE)
     pages.must_have("compared", PAGE)
+    pages.must_have("paper", FRONT)
     flights = list(cases((IDEAL, SIMULATED), ("stop",), 20))
     assert len(flights) == 2 * (1 + 20)
     assert goal_of(scenario_of(5), shipped_config(scenario_of(5), "stop"))[2] == -1.0
