@@ -97,8 +97,8 @@ def _speed(history: History, moment: Moment) -> list[str]:
 
 
 MAXIMUM, BETWEEN, MINIMUM, ZERO = SPEED_ROWS = (
-    "maximum: nothing near, or receding from it",
-    "between minimum and maximum, for the clearance",
+    "maximum: nothing near, or receding from it with room",
+    "between minimum and maximum, for the clearance, which gave no room or did not grow",
     "minimum: something was near",
     "zero: not seen free",
 )

@@ -93,7 +93,7 @@ class PlanningStep:
     """The whole step of the flying planner: classification, spheres, conics, all checks.
 
     The map's obstacles must have one radius; it is added to the body's. One level at the map's
-    keep-out, so that lengths compare: in flight up to three levels are solved.
+    keep-out, so that lengths compare: in flight up to four levels are solved.
     """
 
     def __init__(self, hyperbola: str, name: str) -> None:

@@ -1,4 +1,4 @@
-"""What one planning step costs in flight: `Planner.plan` as configured, three levels, everything.
+"""What one planning step costs in flight: `Planner.plan` as configured, all its levels, everything.
 
 The questions are of two sorts: maps made from seeds, and the questions that simulated flights came
 to, with the hits that were known then. Times are CPU time of the thread, the median of REPEATS.

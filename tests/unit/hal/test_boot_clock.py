@@ -111,20 +111,58 @@ def test_a_clock_that_was_set_is_learned_when_it_insists(leap_s: float) -> None:
 
 
 @settings(deadline=None, max_examples=60)
-@given(st.lists(st.floats(-1e4, 1e13), max_size=40), st.floats(1.1, 1e3))
+@given(
+    # Less than a leap ahead and believed, or so far that it leaps even after such a one.
+    st.lists(
+        st.floats(-1e4, BootClock.LEAP_S - 1e-6) | st.floats(2.0 * BootClock.LEAP_S + 1e-6, 1e13),
+        max_size=40,
+    ),
+    st.floats(1.1, 1e3),
+)
 def test_times_that_are_made_up_or_repeated_do_not_shake_a_clock_that_goes_on(
-    made_up_s: list[float], ago_s: float
+    leads_s: list[float], ago_s: float
 ) -> None:
-    clock, now_s = learned()
-    for n, boot_s in enumerate(made_up_s):
-        at_s = now_s + n / 30.0
-        ahead_s = boot_s - (at_s - 10.0)
-        # What is less than a leap ahead is believed: it may have waited less than all others.
-        if not 0.0 < ahead_s <= BootClock.LEAP_S:
-            clock.note(at_s, boot_s)
+    """What is believed makes stamps older by at most its lead, never newer, and is forgotten."""
+    clock, at_s = learned()
+    worst_s = 0.0
+    for lead_s in leads_s:
+        if clock.note(at_s, at_s - 10.0 + lead_s) is not None:
+            assert lead_s <= BootClock.LEAP_S
+            worst_s = max(worst_s, lead_s)
         assert clock.note(at_s, at_s - 10.0 - ago_s) is None
-        assert noted(clock, at_s, at_s - 10.0) == pytest.approx(at_s, abs=0.01)
+        assert 0.0 <= lateness_s(clock, at_s) <= worst_s + 1e-6
+        at_s += 1.0 / 30.0
+    began_s, windows_s = at_s, 2.0 * BootClock.WINDOW_S + 0.4
+    while worst_s > 0.0 and at_s - began_s < windows_s + worst_s / BootClock.DRIFT_S_PER_S:
+        forgotten_s = BootClock.DRIFT_S_PER_S * (at_s - began_s)
+        left_s = worst_s if at_s - began_s < windows_s else max(0.0, worst_s - forgotten_s)
+        assert 0.0 <= lateness_s(clock, at_s) <= left_s + 1e-6
+        at_s += 0.2
+    assert lateness_s(clock, at_s) == pytest.approx(0.0, abs=1e-6)
     assert clock.restarts == 0
+
+
+@pytest.mark.parametrize(("lead_s", "believed"), [(0.99, True), (1.01, False)])
+def test_less_than_a_leap_ahead_is_believed_and_no_more(lead_s: float, believed: bool) -> None:
+    clock, now_s = learned()
+    assert (clock.note(now_s, now_s - 10.0 + lead_s) is not None) is believed
+    assert lateness_s(clock, now_s) == pytest.approx(lead_s if believed else 0.0)
+
+
+def lateness_s(clock: BootClock, at_s: float) -> float:
+    """How much too old a prompt message's stamp is, were it also received a second late."""
+    noted(clock, at_s, at_s - 10.0)
+    return at_s - clock.stamp_s(at_s + 1.0, at_s - 10.0)
+
+
+def test_who_runs_ahead_step_by_step_is_another_clock_and_the_old_one_is_learned_again() -> None:
+    clock, now_s = learned()
+    for n in range(1, 5):
+        assert clock.note(now_s, now_s - 10.0 + 0.9 * n) is not None
+    for n in range(10):
+        assert clock.note(now_s + n / 30.0, now_s + n / 30.0 - 10.0) is None
+    assert clock.note(now_s + 0.34, now_s + 0.34 - 10.0) == pytest.approx(now_s + 0.34)
+    assert clock.restarts == 1
 
 
 def test_after_a_restart_on_a_slow_link_old_is_old_again() -> None:

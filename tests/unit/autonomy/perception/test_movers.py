@@ -105,6 +105,21 @@ def test_what_comes_is_tracked_with_its_velocity(
     assert stage.now_s - found.seen_s < 1.0
 
 
+@pytest.mark.parametrize(("speed", "radius", "within_s"), [(0.2, 0.06, 3.6), (0.3, 0.1, 2.2)])
+def test_what_comes_is_soon_told_as_moving_however_thin(
+    speed: float, radius: float, within_s: float
+) -> None:
+    """A leg, an arm: few hits a look. Counted from when its edge comes into the beams' reach."""
+    for number in range(12):
+        at_rad = number * math.pi / 24.0
+        c, s = math.cos(at_rad), math.sin(at_rad)
+        begin_m = 1.1 + radius
+        stage = Stage(((begin_m * c, begin_m * s), (-speed * c, -speed * s), radius))
+        stage.run(2.0)
+        movers = stage.run((begin_m - radius - REACH_M) / speed + within_s)
+        assert any(mover.moving for mover in movers), f"not told of number {number}"
+
+
 def test_what_moves_for_sure_is_told_from_what_is_only_new() -> None:
     stage = Stage(((1.3, 0.05), (-0.2, 0.0), 0.2))
     stage.run(2.0)

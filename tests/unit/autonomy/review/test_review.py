@@ -36,12 +36,21 @@ from autonomy.model import (
 from autonomy.report import report_rows
 from autonomy.review import reel as reel_module
 from autonomy.review import worker
-from autonomy.review.explain import DOING, explain, speed_rule
+from autonomy.review.explain import (
+    BETWEEN,
+    DOING,
+    MAXIMUM,
+    MINIMUM,
+    explain,
+    speed_row,
+    speed_rule,
+)
 from autonomy.review.history import History, Moment, history_of
 from autonomy.review.invariants import PATH_STATES, Verdict, check
 from autonomy.review.page import guard_stretches, page_of
 from autonomy.review.reel import PERIOD_S, reel_of
 from autonomy.service.contract import EventView, Hits, PlanView, Reel, Room, State, Track
+from autonomy.t3drm.speed import speed_for_clearance
 from autonomy.tally import Tally
 from hal.readings import FlightMode
 from hal.vehicle import guard
@@ -329,8 +338,8 @@ def test_the_page_tells_the_rows_of_table_2_and_what_was_wrong(history: History)
 @pytest.mark.parametrize(
     ("limit_m_s", "words"),
     [
-        (0.2, "the maximum, 0.20"),
-        (0.1, "0.10 m/s, between"),
+        (0.2, "the maximum, 0.20 m/s: nothing near, or receding from it with room"),
+        (0.1, "0.10 m/s, between minimum and maximum, for the clearance, which gave no room or"),
         (0.05, "the minimum"),
         (0.0, "the zero"),
     ],
@@ -338,6 +347,24 @@ def test_the_page_tells_the_rows_of_table_2_and_what_was_wrong(history: History)
 def test_a_speed_limit_tells_its_row_of_table_2(limit_m_s: float, words: str) -> None:
     guidance = GuidanceConfig(speed_min_m_s=0.05, speed_max_m_s=0.2)
     assert f"Table 2 gave {words}" in speed_rule(limit_m_s, guidance)
+
+
+@pytest.mark.parametrize(
+    ("clearance_m", "receding", "row"),
+    [
+        (0.31, False, MAXIMUM),
+        (0.25, True, MAXIMUM),
+        (0.25, False, BETWEEN),
+        (0.23, True, BETWEEN),
+        (0.17, True, MINIMUM),
+    ],
+)
+def test_the_row_told_is_the_one_that_was_flown(
+    clearance_m: float, receding: bool, row: str
+) -> None:
+    guidance = GuidanceConfig()
+    limit_m_s = speed_for_clearance(clearance_m, guidance, receding=receding)
+    assert speed_row(limit_m_s, guidance) is row
 
 
 def test_a_log_of_before_there_was_health_says_so(history: History) -> None:
