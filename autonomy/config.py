@@ -138,7 +138,8 @@ class MoversConfig(Section):
     remember_s: NonNegative = 60.0
     """For so long after something moved the keys below hold."""
     scan_deg_s: Positive = 120.0
-    """How fast the vehicle turns then. At 60 deg/s a mover comes 0.3 m nearer between two looks."""
+    """How fast the vehicle turns then, and always beside what is nearer than 0.25 m. At 60 deg/s a
+    mover comes 0.3 m nearer between two looks."""
     edge_rule_deg: Positive = 9.0
     """`map.edge_rule_deg` then: the rays of a faster scan lie farther apart."""
     seen_max_age_s: Positive = 8.0

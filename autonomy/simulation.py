@@ -35,6 +35,7 @@ from hal.sim.world import Contact, World
 _BOOT_S = 6.0
 """The autopilot's time from power to armable; flown through before the mission starts."""
 _AT_HEIGHT_M = 0.1
+"""So near to the height of flight is at it."""
 
 
 class Flyer(Protocol):
@@ -57,7 +58,7 @@ class SimulatedFlight:
     navigation_time_s: float
     """From Offboard to LAND, the rest of the first climb included."""
     climb_time_s: float
-    """Of that, until the height of flight was reached for the first time, less `_AT_HEIGHT_M`."""
+    """Of that, until the height of flight was reached first; 0 where it never was."""
     path_length_m: float
     true_clearance_m: float
     collided: bool
@@ -280,7 +281,7 @@ class _Book:
         airborne_s = self._airborne_from_s
         began_s = self._navigating[0] if self._navigating else 0.0
         ended_s = self._navigating[-1] if self._navigating else 0.0
-        at_height_s = ended_s if self._at_height_s is None else self._at_height_s
+        at_height_s = began_s if self._at_height_s is None else self._at_height_s
         comfortable_m = self._config.body.radius_m + self._config.planner.comfortable_clearance_m
         return SimulatedFlight(
             outcome=outcome,

@@ -20,6 +20,8 @@ from hal.readings import FlightMode, LandedState
 from hal.setpoints import Setpoint
 
 CLEARANCE_LIMIT_M = 1.0
+_NEAR_M = 0.25
+"""The floor, and what the position was seen to wander by between two looks at a bearing."""
 _STOP_LEAD_S = 0.1
 """Where to hold: the vehicle cannot stop at once, and is not asked to come back."""
 
@@ -54,6 +56,7 @@ class Steering:
         velocity = (fused.velocity_ned_m_s[0], fused.velocity_ned_m_s[1])
         direction = carrot_direction(path, fused.point, velocity, guidance)
         nearest = self._sensing.map.nearest_hit(fused.position_ned_m, CLEARANCE_LIMIT_M)
+        self._turn_for(nearest)
         clearance_m, closing = math.inf, 0.0
         if nearest is not None:
             clearance_m = nearest[0]
@@ -82,6 +85,13 @@ class Steering:
             self.scan.step(fused.yaw_rad, tick.dt_s),
         )
 
+    def _turn_for(self, nearest: tuple[float, float] | None) -> None:
+        """Turn faster beside what is near: until a beam looks there again, the map stands where the
+        position was then.
+        """
+        near = nearest is not None and nearest[0] < _NEAR_M
+        self.scan.rate_rad_s = self._scan_rates_rad_s[near or self._sensing.things_move]
+
     def hold(self, tick: Tick) -> None:
         """Hold with a position (zero velocity alone drifts), turning on.
 
@@ -89,9 +99,10 @@ class Steering:
         """
         fused = tick.fused
         yaw_rad = fused.yaw_rad
+        nearest = self._sensing.map.nearest_hit(fused.position_ned_m, CLEARANCE_LIMIT_M)
+        self._turn_for(nearest)
         if tick.state is not MissionState.OFFBOARD:
             yaw_rad = self.scan.step(fused.yaw_rad, tick.dt_s)
-        nearest = self._sensing.map.nearest_hit(fused.position_ned_m, CLEARANCE_LIMIT_M)
         guidance = self._retreat if self._sensing.things_move else self._config.guidance
         push = push_away((0.0, 0.0), nearest, guidance)
         down_m = -self._heights.commanded_m
@@ -111,7 +122,6 @@ class Steering:
 
     def make_way(self, tick: Tick) -> None:
         """Something moves, and comes too near to what this tick would fly: fly something else."""
-        self.scan.rate_rad_s = self._scan_rates_rad_s[self._sensing.things_move]
         fused, setpoint = tick.fused, tick.setpoint
         if not tick.movers and not self._making_way.active:
             return

@@ -64,8 +64,9 @@ REACH_M = 0.3
 CONFIRM_HITS = 3
 CONFIRM_NEWS = 3
 MOVING_NEWS = 5
-"""So many of a disc's hits must have been surprises, or it stands: the first is often an edge that
-the estimate's wandering laid into what was free, and then the scan runs along what stands behind.
+"""So many of a disc's hits must have been surprises before it is told of, or said to move: the
+first is often an edge that the estimate's wandering laid into what was free, and then the scan runs
+along what stands behind.
 """
 MOVING_SIGMAS = 2.5
 MOVING_M_S = 0.04
@@ -406,7 +407,7 @@ def _precedence(track: _Track) -> tuple[bool, float, int]:
     A hit that the gate refused begins a new disc beside a known mover: without a velocity, and
     it is not yet told to anybody.
     """
-    return track.hits < CONFIRM_HITS, -track.hit_s, track.name
+    return not track.confirmed, -track.hit_s, track.name
 
 
 def _marked(track: _Track, hit: Point) -> bool:

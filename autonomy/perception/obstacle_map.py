@@ -157,7 +157,7 @@ class ObstacleMap:
         params[kernels.P_EDGE_COS] = math.cos(math.radians(edge_deg))
 
     def trust_newest(self) -> None:
-        """From now on one look through a hit erases it, however often it was seen before.
+        """From now on a hit counts as if it was seen twice, however often it was seen before.
 
         For a map that closes every way: hits that were taken while the position was wrong by some
         centimetres stand beside those of now, and narrow every gap from both sides.
@@ -168,9 +168,9 @@ class ObstacleMap:
 
     @property
     def _least_cap(self) -> int:
-        """The evidence of one look; where an obstacle takes more of them, of so many."""
+        """The evidence of two looks: a single free ray beside an edge must not erase it."""
         config = self._config
-        return min(config.hit_cap, max(config.hit_gain, config.occupied_from))
+        return min(config.hit_cap, max(2 * config.hit_gain, config.occupied_from))
 
     def shift(self, delta_ne: Point) -> None:
         """The frame jumped: what was at p is at p + `delta_ne` now. Loses nothing on the map.

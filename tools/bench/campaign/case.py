@@ -78,8 +78,8 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     length_m: float = 0.0
     navigation_s: float = 0.0
     """Without take-off and landing; Offboard begins in the climb."""
-    climb_s: float = 0.0
-    """Of that, until the height of flight."""
+    climb_s: float | None = None
+    """Of that, until the height of flight; None in rows that were flown before it was told."""
     flight_s: float = 0.0
     simulated_s: float = 0.0
     stops: int = 0
@@ -125,9 +125,9 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
         return self.optimum_m / self.speed_max_m_s if self.optimum_m is not None else None
 
     @property
-    def way_s(self) -> float:
+    def way_s(self) -> float | None:
         """From the height of flight, first look round included, to the goal."""
-        return self.navigation_s - self.climb_s
+        return None if self.climb_s is None else self.navigation_s - self.climb_s
 
     @property
     def length_ratio(self) -> float | None:
@@ -137,7 +137,9 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def time_ratio(self) -> float | None:
         """Time over the optimum's at the greatest speed, of flights that reached the goal."""
-        return self.way_s / self.optimum_s if self.reached and self.optimum_s else None
+        if not self.reached or not self.optimum_s or self.way_s is None:
+            return None
+        return self.way_s / self.optimum_s
 
 
 TIMING = ("step_us", "step_p99_us", "cpu_s")

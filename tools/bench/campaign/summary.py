@@ -130,9 +130,9 @@ def score(row: Row, least: float = 2.0) -> float | None:
     """BARN's: success * OT / clip(AT, least * OT, 8 * OT); OT the optimum at the greatest speed.
 
     AT is the time from the height of flight to the goal. At most 1 / least; None where there is no
-    way.
+    way, or the row is too old to tell.
     """
-    if row.optimum_s is None:
+    if row.optimum_s is None or row.way_s is None:
         return None
     if not row.reached:
         return 0.0

@@ -123,7 +123,7 @@ def test_rays_that_pass_through_a_hit_clear_it_one_by_one_up_to_its_cap() -> Non
 
 
 @pytest.mark.parametrize("movers", [None, MoversConfig()])
-def test_where_the_newest_look_is_trusted_one_ray_clears_what_many_have_hit(
+def test_where_the_newest_look_is_trusted_a_few_rays_clear_what_many_have_hit(
     movers: MoversConfig | None,
 ) -> None:
     obstacles = new_map()
@@ -132,13 +132,20 @@ def test_where_the_newest_look_is_trusted_one_ray_clears_what_many_have_hit(
     obstacles.trust_newest()
     obstacles.doubt(movers)
     assert len(obstacles.hits()) == 1
-    obstacles.update(3.0, (ray(3.0, 0.0, 1.0, RayKind.FREE, beam=1),))
-    assert len(obstacles.hits()) == 0
+    assert rays_until_clear(obstacles, 3.0) == 4  # 6, and occupied from 3; 10 for 12
     for k in range(9):
-        put_hit(obstacles, 4.0 + 0.1 * k, 0.0, 0.5)
-    assert len(obstacles.hits()) == 1
-    obstacles.update(5.0, (ray(5.0, 0.0, 1.0, RayKind.FREE, beam=2),))
-    assert len(obstacles.hits()) == 0
+        put_hit(obstacles, 5.0 + 0.1 * k, 0.0, 0.5)
+    assert rays_until_clear(obstacles, 6.0) == 4
+
+
+def rays_until_clear(obstacles: ObstacleMap, now_s: float) -> int:
+    for number in range(1, 20):
+        assert len(obstacles.hits()) == 1
+        obstacles.update(now_s, (ray(now_s, 0.0, 1.0, RayKind.FREE, beam=number % 4),))
+        now_s += 0.05
+        if len(obstacles.hits()) == 0:
+            return number
+    raise AssertionError("never cleared")
 
 
 def test_a_ray_clears_only_what_lies_near_it_and_well_before_its_end() -> None:

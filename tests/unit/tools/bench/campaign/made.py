@@ -30,6 +30,7 @@ def row(world: str = "room:0", seed: int = 0, **changed: Any) -> Row:
         "clearance_m": 0.2,
         "length_m": 6.0,
         "navigation_s": 20.0,
+        "climb_s": 0.0,
         "simulated_s": 30.0,
         "cpu_s": 0.3,
         "ticks": 600,
