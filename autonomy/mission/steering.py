@@ -56,7 +56,7 @@ class Steering:
         velocity = (fused.velocity_ned_m_s[0], fused.velocity_ned_m_s[1])
         direction = carrot_direction(path, fused.point, velocity, guidance)
         nearest = self._sensing.map.nearest_hit(fused.position_ned_m, CLEARANCE_LIMIT_M)
-        self._turn_for(nearest)
+        self.turn_beside(nearest)
         clearance_m, closing = math.inf, 0.0
         if nearest is not None:
             clearance_m = nearest[0]
@@ -85,7 +85,7 @@ class Steering:
             self.scan.step(fused.yaw_rad, tick.dt_s),
         )
 
-    def _turn_for(self, nearest: tuple[float, float] | None) -> None:
+    def turn_beside(self, nearest: tuple[float, float] | None) -> None:
         """Turn faster beside what is near: until a beam looks there again, the map stands where the
         position was then.
         """
@@ -100,7 +100,7 @@ class Steering:
         fused = tick.fused
         yaw_rad = fused.yaw_rad
         nearest = self._sensing.map.nearest_hit(fused.position_ned_m, CLEARANCE_LIMIT_M)
-        self._turn_for(nearest)
+        self.turn_beside(nearest)
         if tick.state is not MissionState.OFFBOARD:
             yaw_rad = self.scan.step(fused.yaw_rad, tick.dt_s)
         guidance = self._retreat if self._sensing.things_move else self._config.guidance

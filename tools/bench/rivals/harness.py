@@ -161,6 +161,7 @@ class RivalPilot:
     def _no_way(self, tick: Tick, answer: GivesUp) -> Move:
         """T3DRM's ladder: look again, forget what is near, forget all, verdict."""
         rung = Rung.VERDICT if answer.certain else self._ladder.climb()
+        self.sensing.maps.trust_newest()
         if rung is Rung.VERDICT:
             why = f"{rung}: {answer.why}"
             return Move(MissionState.LAND, why, Outcome(Ending.UNREACHABLE, why))
@@ -180,6 +181,7 @@ class RivalPilot:
         velocity = fused.velocity_ned_m_s[:2]
         speed_m_s = math.hypot(*wanted)
         nearest = self.sensing.map.nearest_hit(fused.position_ned_m, CLEARANCE_LIMIT_M)
+        self._steering.turn_beside(nearest)
         clearance_m, rate_m_s = math.inf, 0.0
         if nearest is not None and speed_m_s > 0.0:
             clearance_m = nearest[0]
