@@ -1,6 +1,6 @@
 """Search for a room that breaks the flight.
 
-python -m tools.hunt fly FOLDER [--rooms N] [--hunts N] [--jobs N] [--write]
+python -m tools.hunt fly FOLDER [--rooms N] [--first ROOM] [--hunts N] [--jobs N] [--write]
 python -m tools.hunt show FOLDER NAME [--picture FILE]
 python -m tools.hunt shrink FOLDER NAME --into FILE.yaml
 python -m tools.hunt replay FILE.yaml [--mode stop|rolling]
@@ -31,6 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     flying = commands.add_parser("fly", help="fly what is missing of a campaign, then report")
     flying.add_argument("folder", type=Path)
     flying.add_argument("--rooms", type=int, default=8000, help="random rooms")
+    flying.add_argument("--first", type=_hundred, default=0, help="number of the first of them")
     flying.add_argument("--hunts", type=int, default=30, help="hunts of 400 rooms each")
     flying.add_argument("--jobs", type=int, default=2)
     flying.add_argument("--write", action="store_true", help="renew tools/hunt/README.md")
@@ -56,6 +57,14 @@ def main(arguments: list[str] | None = None) -> int:
     return _shrink(trial, options.into)
 
 
+def _hundred(text: str) -> int:
+    """Rooms are kept by the hundred."""
+    number = int(text)
+    if number < 0 or number % campaign.BLOCK:
+        raise argparse.ArgumentTypeError(f"{text} is not a multiple of {campaign.BLOCK} from 0 on")
+    return number
+
+
 def _fly(options: argparse.Namespace) -> int:
     if options.write:
         pages.must_have("hunt", report.README)
@@ -66,6 +75,7 @@ def _fly(options: argparse.Namespace) -> int:
             options.hunts,
             options.jobs,
             lambda line: print(line, flush=True),
+            first=options.first,
         )
     )
     text = report.section(trials, versions.commit())

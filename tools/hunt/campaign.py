@@ -23,9 +23,9 @@ _LINES = msgspec.json.Encoder()
 _TRIAL = msgspec.json.Decoder(Trial)
 
 
-def blocks(rooms: int, hunts: int) -> list[str]:
-    """The names of all blocks of a campaign, random rooms and hunts in turn."""
-    random = [f"random-{first:07d}" for first in range(0, rooms, BLOCK)]
+def blocks(rooms: int, hunts: int, first: int = 0) -> list[str]:
+    """The names of all blocks of a campaign, random rooms from `first` on and hunts in turn."""
+    random = [f"random-{number:07d}" for number in range(first, first + rooms, BLOCK)]
     hunted = [f"hunt-{number:05d}" for number in range(hunts)]
     shortest = min(len(random), len(hunted))
     mixed = [name for pair in zip(random, hunted, strict=False) for name in pair]
@@ -48,11 +48,17 @@ def _range(first: int) -> range:
 
 
 def run(
-    folder: Path, rooms: int, hunts: int, jobs: int, tell: Callable[[str], None]
+    folder: Path,
+    rooms: int,
+    hunts: int,
+    jobs: int,
+    tell: Callable[[str], None],
+    *,
+    first: int = 0,
 ) -> Iterator[Trial]:
     """Fly what is missing in `folder`, telling of every block; then hand out all trials."""
     folder.mkdir(parents=True, exist_ok=True)
-    wanted = blocks(rooms, hunts)
+    wanted = blocks(rooms, hunts, first)
     missing = [name for name in wanted if not (folder / f"{name}.jsonl").exists()]
     tell(f"{len(wanted) - len(missing)} of {len(wanted)} blocks are there already")
     with ProcessPoolExecutor(jobs, initializer=warm_up) as pool:

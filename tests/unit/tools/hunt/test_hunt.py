@@ -127,6 +127,7 @@ def test_a_room_is_kept_as_a_scenario_document(tmp_path: Path) -> None:
 def test_a_campaign_goes_on_where_it_stopped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    assert campaign.blocks(200, 0, 13500) == ["random-0013500", "random-0013600"]
     assert campaign.blocks(300, 2) == [
         "random-0000000",
         "hunt-00000",
