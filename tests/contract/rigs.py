@@ -5,6 +5,7 @@ import asyncio
 import os
 import signal
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol, Self
@@ -107,10 +108,18 @@ class MavsdkRig:
         await asyncio.sleep(seconds)
 
     def fall_silent(self) -> None:
+        """Returns when nothing of the other process runs any more: it might still answer."""
         self._strike(signal.SIGSTOP)
+        while not self._stands_still():
+            time.sleep(0.001)
 
     def speak_again(self) -> None:
         self._strike(signal.SIGCONT)
+
+    def _stands_still(self) -> bool:
+        """True when every thread is stopped; the state follows the name in parentheses."""
+        stats = Path(f"/proc/{self._px4.pid}/task").glob("*/stat")
+        return all(stat.read_text().rpartition(")")[2].split()[0] == "T" for stat in stats)
 
     def _strike(self, number: signal.Signals) -> None:
         assert self._px4.pid is not None
