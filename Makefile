@@ -13,6 +13,8 @@ CAMPAIGN ?= campaigns/barn
 JOBS ?= 2
 # Files that take longest first: their order stays, or those of many short tests came first.
 QUICK := $(addprefix tests/,architecture unit/autonomy unit/hal unit/configs contract paper)
+# Fly all the same: every command of every README, landings, flights that are looked back at.
+FLYING := $(addprefix --ignore=tests/,architecture/test_readme_commands.py unit/autonomy/test_in_flight.py unit/autonomy/review)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup fly kernels test test-fast coverage conformance test-browser check format bench barn paper mutation clean
@@ -35,7 +37,7 @@ test: .venv/.dev ## the whole suite: unit, contract, paper, architecture, scenar
 	$(BIN)/python -m pytest -q -m browser tests/browser
 
 test-fast: .venv/.dev ## what needs no flight: unit but for tools, contract, paper, architecture
-	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not integration" $(QUICK)
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not integration" $(FLYING) $(QUICK)
 
 coverage: .venv/.dev ## lines and branches of autonomy and hal that no test runs; fails below 90 %
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "not integration and not browser" --cov --cov-report=term:skip-covered tests
