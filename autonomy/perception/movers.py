@@ -256,11 +256,7 @@ class MoverTracker:
 
     def obstacles(self, now_s: float) -> tuple[MovingObstacle, ...]:
         """What is new and not known to stand, and what moves, where it is at `now_s`."""
-        return tuple(
-            track.obstacle(now_s)
-            for track in self._tracks
-            if track.confirmed and not track.stands and self._is_believed(track, now_s)
-        )
+        return tuple(track.obstacle(now_s) for track in self._tracks if self._is_told(track, now_s))
 
     def unrest(self, now_s: float) -> tuple[Unrest, ...]:
         """Where sound beams may contradict each other: what is new or moves, and where it was."""
@@ -272,6 +268,10 @@ class MoverTracker:
         while self._left and now_s - self._left[0][0] > UNREST_S:
             self._left.popleft()
         return (*there, *(Unrest(point, radius_m, left=True) for _, point, radius_m in self._left))
+
+    def _is_told(self, track: _Track, now_s: float) -> bool:
+        """True for what is new or moves, for sure enough that others are to know."""
+        return track.confirmed and not track.stands and self._is_believed(track, now_s)
 
     def _is_believed(self, track: _Track, now_s: float) -> bool:
         """False for what one beam alone saw: for long, or after it saw other things lately that
@@ -376,7 +376,7 @@ class MoverTracker:
             track.judge()
             if track.moved:
                 self.moved_s = now_s
-            if track.confirmed and not track.stands and self._is_believed(track, now_s):
+            if self._is_told(track, now_s):
                 self.new_s = now_s
             lost = now_s - track.hit_s > FORGET_S or track.misses >= MISSES_MAX
             self._remember(track, now_s, lost=lost)

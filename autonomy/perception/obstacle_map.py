@@ -153,7 +153,7 @@ class ObstacleMap:
             age_s, cap = min(age_s, movers.seen_max_age_s), min(cap, movers.hit_cap)
             edge_deg = max(edge_deg, movers.edge_rule_deg)
         params[kernels.P_MAX_AGE] = age_s
-        params[kernels.P_CAP] = self._least_cap if self._newest_counts else cap
+        params[kernels.P_CAP] = min(cap, self._least_cap) if self._newest_counts else cap
         params[kernels.P_EDGE_COS] = math.cos(math.radians(edge_deg))
 
     def trust_newest(self) -> None:
@@ -163,7 +163,7 @@ class ObstacleMap:
         centimetres stand beside those of now, and narrow every gap from both sides.
         """
         self._newest_counts = True
-        self._params[kernels.P_CAP] = self._least_cap
+        self._params[kernels.P_CAP] = min(self._params[kernels.P_CAP], self._least_cap)
         np.minimum(self._evidence, self._least_cap, out=self._evidence)
 
     @property

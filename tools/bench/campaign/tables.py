@@ -95,7 +95,6 @@ def outcomes(rows: Sequence[Row], *, by_family: bool = False) -> Table:
     )
     found = []
     for key, mine in groups(rows, by_family=by_family):
-        clear = [row.clearance_m for row in mine if row.clearance_m is not None]
         gave_up = Counter(row.ending for row in mine if summary.gave_up(row))
         cells = (
             *key,
@@ -106,7 +105,7 @@ def outcomes(rows: Sequence[Row], *, by_family: bool = False) -> Table:
             _count(mine, summary.narrowly_unreachable),
             _count(mine, summary.falsely_unreachable),
             ", ".join(f"{n} {ending}" for ending, n in gave_up.items()) or "0",
-            f"{min(clear):.3f}" if clear else "-",
+            _least_clearance(mine),
             f"{sum(row.stops for row in mine) / len(mine):.1f}",
             _number(_mean_step_us(mine)),
             _number(summary.times_real_time(mine)),
@@ -166,7 +165,6 @@ def compact(rows: Sequence[Row]) -> Table:
     )
     found = []
     for key, mine in groups(rows):
-        clear = [row.clearance_m for row in mine if row.clearance_m is not None]
         success = estimated(mine, summary.success, mean)
         quick = estimated(mine, _time_ratio, mean)
         cells = (
@@ -179,11 +177,16 @@ def compact(rows: Sequence[Row]) -> Table:
             quick.text(),
             f"{estimated(mine, _time_ratio, p95).value:.3f}",
             *_scores(mine, on_barn=on_barn),
-            f"{min(clear):.3f}" if clear else "-",
+            _least_clearance(mine),
         )
         found.append(((-round(success.value, 1), quick.value), cells))
     rows_of_it = tuple(cells for _, cells in sorted(found, key=lambda each: each[0]))
     return Table("In short", head, rows_of_it)
+
+
+def _least_clearance(rows: Sequence[Row]) -> str:
+    clear = [row.clearance_m for row in rows if row.clearance_m is not None]
+    return f"{min(clear):.3f}" if clear else "-"
 
 
 def _scores(rows: Sequence[Row], *, on_barn: bool) -> tuple[str, ...]:
