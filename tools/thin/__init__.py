@@ -1,0 +1,1 @@
+"""How thin an obstacle may be before the flight touches it."""
