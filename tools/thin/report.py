@@ -98,7 +98,7 @@ def _otherwise(flights: Sequence[Flight]) -> str:
                 how = (f"{100.0 * thickness_m:g}", f"{rate_hz:g}", f"{speed_m_s:g}")
                 lines.append((*how, *_counted(some), *_first(some)))
     head = ("post cm", "measurements a second", "speed m/s", *_HEAD[2:])
-    return f"Thin beams that measure as often, and flights as fast:\n\n{_table(head, lines)}"
+    return f"Thin beams at other rates and speeds:\n\n{_table(head, lines)}"
 
 
 def _way(case: Case) -> tuple[float, float]:
