@@ -14,7 +14,7 @@ The state is a handful of arrays owned by `ObstacleMap`:
     cell_of (capacity,) int64    flat index of the point's slot
     counters (4,) int64          COUNT, APPEARED, CLEARED, NEXT_CONE
     beams (beams, 8) float64     the last ray of each beam, columns B_...
-    cones (CONES, 11) float64    the latest readings of wide beams, a ring, columns C_...
+    cones (CONES, 12) float64    the latest readings of wide beams, a ring, columns C_...
     open_bits (CONES,) int64     for each of them which points of its arc may hold what it saw
     params (..,) float64         columns P_...
 
@@ -69,7 +69,8 @@ C_REACH = 7  # nothing is nearer than this, inside the cone
 C_ARC = 8  # half the arc's angle
 C_TAN = 9  # tangent of half the angle within which the cone surely sees
 C_ROUND = 10  # radius about the arc's middle that holds all of it
-CONE_COLUMNS = 11
+C_BEYOND = 11  # something is nearer than this, on the arc; 0 where nothing was
+CONE_COLUMNS = 12
 
 CONES = 256
 """How many readings of wide beams are remembered."""
@@ -80,7 +81,11 @@ ARC_MARGIN = math.radians(1.5)
 """An arc reaches this much beyond the beam's half angle, and free space stays this far inside."""
 CARVE_M = 0.02
 CARVE_SHARE = 0.025
-"""A cone rules out what is nearer than its range by this much and this share of the range."""
+"""A cone rules out what is nearer than its range by this much and this share of the range, and its
+arc passes through what is as far or farther by no more than that."""
+VOTES = 2
+"""Where a beam's own readings leave nothing of an arc, the points stay that as many times more arcs
+pass through than cones rule out: a thin thing returns too little to be seen in every reading."""
 SHORT_ARC_M = 0.13
 """An arc this short is a hit as it is."""
 # A gap this many times the beam's own period is a dropped reading.
@@ -372,6 +377,37 @@ def _carve(bits, arc, cone):
 
 
 @njit(cache=True)
+def _outvoted(cones, arc):
+    """The points of an arc that VOTES times as many arcs pass through as cones rule out."""
+    oldest = arc[C_STAMP] - CONE_AGE_S
+    bits = 0
+    for k in range(ARC_POINTS):
+        px, py = _arc_point(arc, k)
+        arcs = ruled_out = 0
+        for c in range(CONES):
+            cone = cones[c]
+            if cone[C_STAMP] < oldest:
+                continue
+            dx = px - cone[C_X]
+            dy = py - cone[C_Y]
+            ahead = dx * cone[C_COS] + dy * cone[C_SIN]
+            beside = abs(dy * cone[C_COS] - dx * cone[C_SIN])
+            far2 = dx * dx + dy * dy
+            if far2 < cone[C_REACH] * cone[C_REACH]:
+                if beside <= ahead * cone[C_TAN]:
+                    ruled_out += 1
+            elif (
+                far2 <= cone[C_BEYOND] * cone[C_BEYOND]
+                and far2 >= (2.0 * cone[C_LENGTH] - cone[C_BEYOND]) ** 2
+                and beside <= ahead * math.tan(cone[C_ARC])
+            ):
+                arcs += 1
+        if arcs >= VOTES * ruled_out:
+            bits |= 1 << k
+    return bits
+
+
+@njit(cache=True)
 def _settle(slot, points, evidence, cell_of, counters, params, cone, bits):
     """Turn what is left of an arc into hits, about one in each cell.
 
@@ -452,7 +488,9 @@ def _take_cone(
     new[C_COS] = ux
     new[C_SIN] = uy
     new[C_LENGTH] = length
-    new[C_REACH] = clear - CARVE_M / cell - CARVE_SHARE * length
+    error = CARVE_M / cell + CARVE_SHARE * length
+    new[C_REACH] = clear - error
+    new[C_BEYOND] = length + error if hit else 0.0
     new[C_ARC] = half + ARC_MARGIN
     new[C_TAN] = tan
     new[C_ROUND] = 2.0 * length * math.sin(0.5 * new[C_ARC])
@@ -469,12 +507,14 @@ def _take_cone(
             own = _carve(own, new, cones[c])
         if open_bits[c] != 0:
             left = _carve(open_bits[c], cones[c], new)
-            if left == 0 and not mine:
+            if left == 0 and mine:
+                left = _outvoted(cones, cones[c])
+            elif left == 0:
                 # Denied altogether by another beam: one of the two is wrong, and it may be that.
                 _settle(slot, points, evidence, cell_of, counters, params, cones[c], open_bits[c])
             open_bits[c] = left
-    if bits == 0:
-        bits = own
+    if hit and bits == 0:
+        bits = own if own != 0 else _outvoted(cones, new)
     if bits != 0 and 2.0 * new[C_ARC] * length <= SHORT_ARC_M / cell:
         _settle(slot, points, evidence, cell_of, counters, params, new, bits)
         bits = 0
