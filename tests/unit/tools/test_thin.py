@@ -130,7 +130,8 @@ def test_every_beam_kind_and_thickness_has_its_line_and_a_touch_is_not_hidden() 
 def test_safe_is_a_thickness_only_when_nothing_thicker_was_touched() -> None:
     rows = [flight(Case(POST, cm / 100.0, 0.0, 0)) for cm in (1.0, 2.0, 3.0)]
     assert safe_from_m(rows) == 0.01
-    assert safe_from_m([*rows, flight(Case(POST, 0.02, 0.0, 1), collided=True)]) == 0.03
+    touched, not_again = (flight(Case(POST, 0.02, 0.0, 1 + n), collided=n == 0) for n in range(2))
+    assert safe_from_m([*rows, touched, not_again]) == 0.03
     assert safe_from_m([*rows, flight(Case(POST, 0.03, 0.0, 1), collided=True)]) is None
 
 
