@@ -44,12 +44,12 @@ class Pilot:
         self._config = config
         self._sensing = Sensing(config)
         planner = Planner(config.planner, config.body.radius_m, config.guard.fence)
-        self._heights = Heights(config, self._sensing, planner)
+        self._trail = Trail() if resumed is None else Trail(resumed.trail, flown_m=resumed.flown_m)
+        self._heights = Heights(config, self._sensing, planner, self._trail)
         self._steering = Steering(config, self._sensing, self._heights)
         self._navigation = Navigation(
             config, route, self._sensing, planner, self._heights, self._steering
         )
-        self._trail = Trail() if resumed is None else Trail(resumed.trail, flown_m=resumed.flown_m)
         self._returning = Returning(
             config, self._sensing, planner, self._heights, self._steering, self._trail
         )

@@ -5,8 +5,9 @@ the autopilot's, so that they stay where they were laid.
 """
 
 import itertools
+import math
 
-from autonomy.geometry import Point, distance
+from autonomy.geometry import Point, distance, segment_distance
 from autonomy.model import Crumb
 
 STEP_M = 0.2
@@ -46,6 +47,12 @@ class Trail:
         """The way back to the first crumb, from the newest."""
         points = [crumb.point for crumb in self._crumbs]
         return sum(distance(a, b) for a, b in itertools.pairwise(points))
+
+    def distance_m(self, point: Point) -> float:
+        """From `point` to the nearest place between two crumbs; infinite before the second."""
+        points = [crumb.point for crumb in self._crumbs]
+        ways = (segment_distance(point, a, b) for a, b in itertools.pairwise(points))
+        return min(ways, default=math.inf)
 
     def count_way(self, point: Point) -> None:
         """The vehicle is at `point`: adds to `flown_m`."""

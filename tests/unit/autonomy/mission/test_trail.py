@@ -104,3 +104,11 @@ def test_a_battery_that_does_not_go_down_lasts_for_ever() -> None:
     reserve.note(0.0, 0.5)
     reserve.note(50.0, 0.6)
     assert reserve.lasts_s(0.1) == math.inf
+
+
+def test_a_place_is_as_far_from_the_way_as_from_its_nearest_stretch() -> None:
+    trail = walked([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
+    assert trail.distance_m((0.5, 0.2)) == pytest.approx(0.2)
+    assert trail.distance_m((1.3, 0.6)) == pytest.approx(0.3)
+    assert trail.distance_m((1.0, 0.4)) == 0.0
+    assert walked([(0.0, 0.0)]).distance_m((0.0, 0.0)) == math.inf
