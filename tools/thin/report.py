@@ -76,10 +76,11 @@ def _safe(kind: str, flights: Sequence[Flight]) -> str:
     least_m = safe_from_m(flights)
     if least_m is None:
         return f"no thickness of a {kind} was free of touches"
-    count = sum(flight.case.thickness_m >= least_m for flight in flights)
+    count = sum(flight.case.thickness_m == least_m for flight in flights)
+    thick = f"{100.0 * least_m:g} cm"
     return (
-        f"no {kind} of {100.0 * least_m:g} cm or more was touched in {count} flights "
-        f"(95 % limit: {100.0 * at_most(count):.2g} %)"
+        f"no {kind} of {thick} or more was touched ({count} flights at {thick}, so fewer than "
+        f"{100.0 * at_most(count):.2g} % of such, with 95 % confidence)"
     )
 
 
