@@ -378,9 +378,12 @@ def _carve(bits, arc, cone):
 
 @njit(cache=True)
 def _outvoted(cones, arc):
-    """The points of an arc that VOTES times as many arcs pass through as cones rule out."""
+    """The points of an arc that VOTES times as many arcs pass through as cones rule out.
+
+    Of these the ones that the vote is clearest about: its lead is half the greatest or more.
+    """
     oldest = arc[C_STAMP] - CONE_AGE_S
-    bits = 0
+    leads = np.empty(ARC_POINTS, dtype=np.int64)
     for k in range(ARC_POINTS):
         px, py = _arc_point(arc, k)
         arcs = ruled_out = 0
@@ -402,7 +405,11 @@ def _outvoted(cones, arc):
                 and beside <= ahead * math.tan(cone[C_ARC])
             ):
                 arcs += 1
-        if arcs >= VOTES * ruled_out:
+        leads[k] = arcs - VOTES * ruled_out
+    least = max(0.0, 0.5 * leads.max())
+    bits = 0
+    for k in range(ARC_POINTS):
+        if leads[k] >= least:
             bits |= 1 << k
     return bits
 

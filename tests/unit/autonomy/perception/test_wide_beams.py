@@ -1,6 +1,7 @@
 """Cones: what they rule out is free, what they saw is somewhere on what is left of their arcs."""
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 import pytest
@@ -128,6 +129,44 @@ def test_a_beam_may_take_back_all_that_it_saw_itself() -> None:
     deny(obstacles, beam=0)
     assert len(obstacles.hits()) == 0
     assert not obstacles.open_arcs()
+
+
+def swept_past(missed: Collection[float], length_m: float = 0.5) -> ObstacleMap:
+    """One beam turns past a needle at 0 deg, 3 deg a reading, and misses it at some bearings."""
+    obstacles = new_map()
+    for bearing in range(-36, 37, 3):
+        stamp_s = 1.0 + 0.05 * (bearing + 36) / 3
+        seen = abs(bearing) <= 12 and bearing not in missed
+        kind, range_m = (RayKind.HIT, length_m) if seen else (RayKind.FREE, 1.0)
+        obstacles.update(stamp_s, (cone(stamp_s, float(bearing), range_m, kind),))
+    return obstacles
+
+
+@pytest.mark.parametrize("missed", [(), (0,), (-12, 3), (-9, 6), (-12, 0, 9)])
+def test_what_a_beam_sees_in_most_readings_is_there(missed: tuple[int, ...]) -> None:
+    hits = swept_past(missed).hits()
+    assert len(hits) > 0
+    assert np.hypot(*(hits - (0.5, 0.0)).T).max() < 0.06
+
+
+@pytest.mark.parametrize("seen", [(0,), (-9, 9), (-12, 0, 12)])
+def test_what_a_beam_sees_in_few_readings_is_not(seen: tuple[int, ...]) -> None:
+    missed = [bearing for bearing in range(-12, 13, 3) if bearing not in seen]
+    obstacles = swept_past(missed)
+    assert len(obstacles.hits()) == 0
+    assert not obstacles.open_arcs()
+
+
+@settings(deadline=None, max_examples=60)
+@given(missed=st.sets(st.integers(-4, 4).map(lambda k: 3 * k), max_size=9))
+def test_two_thirds_of_the_readings_decide(missed: set[int]) -> None:
+    """The outermost readings hold the needle on their arcs, but not in what they surely see."""
+    hits = swept_past(missed).hits()
+    surely = sum(1 for bearing in missed if abs(bearing) <= 9)
+    if 9 - len(missed) >= 2 * surely:
+        assert len(hits) > 0
+    elif 9 - len(missed) < surely:
+        assert len(hits) == 0
 
 
 def test_nothing_measured_says_nothing() -> None:
