@@ -26,8 +26,9 @@ from numba import njit
 VALID, TOO_NEAR, OUT_OF_RANGE, NO_SIGNAL = 0, 1, 2, 3
 
 BINS = 120
-V_STAMP, V_NORTH, V_EAST, V_DOWN, V_COS, V_SIN, V_RANGE, V_KIND = range(8)
-VIEW_COLUMNS = 8
+# V_PAST: which beams have looked past this ray's hit, one bit a beam
+V_STAMP, V_NORTH, V_EAST, V_DOWN, V_COS, V_SIN, V_RANGE, V_KIND, V_PAST = range(9)
+VIEW_COLUMNS = 9
 NONE, FREE, HIT = 0, 1, 2
 
 RING = 64
@@ -343,6 +344,7 @@ def _lay(views, mounts, reading, pose):
     own[V_SIN] = sin
     own[V_RANGE] = ranged * level
     own[V_KIND] = kind
+    own[V_PAST] = 0.0
     return -1 if kind == NONE else sector
 
 
@@ -429,6 +431,20 @@ def _repeated(track, stamp):
 
 
 @njit(cache=True)
+def _first_past(seen, beam):
+    """1 the first time that the beam looks past this hit, else 0.
+
+    A sensor that is fast for how the vehicle turns measures several times while one sector lies
+    behind the beam: a lone hit on a thin post is one thing that vanished, not several.
+    """
+    past, bit = int(seen[V_PAST]), 1 << beam
+    if past & bit:
+        return 0.0
+    seen[V_PAST] = float(past | bit)
+    return 1.0
+
+
+@njit(cache=True)
 def _sweep_past(views, tracks, mounts, pairs, gone, clock, moving, beam, sector, down, now, rate):
     """What others hit there before, now that this beam has swept past it."""
     behind = (sector - (BEHIND_BINS if rate > 0.0 else -BEHIND_BINS)) % BINS
@@ -449,7 +465,7 @@ def _sweep_past(views, tracks, mounts, pairs, gone, clock, moving, beam, sector,
         if said <= 0 or mounts[other, M_TRUSTED] == 0.0:
             continue
         if not _repeated(tracks[other], seen[V_STAMP]):
-            gone[beam, other] += 1.0
+            gone[beam, other] += _first_past(seen, beam)
             clock[C_GONE_N] += seen[V_COS]
             clock[C_GONE_E] += seen[V_SIN]
             clock[C_GONE] += 1.0
