@@ -351,7 +351,7 @@ class Heights:
         hits = self._sensing.map.hits()
         back: Plan | NoPlan | None = self._planner.plan(point, place, hits, SETTLED_M)
         if isinstance(back, NoPlan):
-            back = self._way_out.plan(point, place, hits, SETTLED_M)
+            back = self._way_out.plan(point, place, self.present_m, hits, SETTLED_M)
         if back is None:
             return None
         self._retreats += 1

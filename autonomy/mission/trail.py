@@ -48,11 +48,14 @@ class Trail:
         points = [crumb.point for crumb in self._crumbs]
         return sum(distance(a, b) for a, b in itertools.pairwise(points))
 
-    def distance_m(self, point: Point) -> float:
-        """From `point` to the nearest place between two crumbs; infinite before the second."""
-        points = [crumb.point for crumb in self._crumbs]
-        ways = (segment_distance(point, a, b) for a, b in itertools.pairwise(points))
-        return min(ways, default=math.inf)
+    def distance_m(self, point: Point, height_m: float) -> float:
+        """From `point` to the nearest stretch flown at that height; infinite without one."""
+        stretches = (
+            segment_distance(point, a.point, b.point)
+            for a, b in itertools.pairwise(self._crumbs)
+            if max(abs(a.height_m - height_m), abs(b.height_m - height_m)) <= SAME_HEIGHT_M
+        )
+        return min(stretches, default=math.inf)
 
     def count_way(self, point: Point) -> None:
         """The vehicle is at `point`: adds to `flown_m`."""

@@ -38,23 +38,27 @@ class WayOut:
         self._planner = Planner(config.planner.model_copy(update=tight), body_m, config.guard.fence)
         self._wide_m = body_m + config.planner.hard_clearance_m
 
-    def plan(self, point: Point, place: Point, hits: Floats, tolerance_m: float) -> Plan | None:
+    def plan(
+        self, point: Point, place: Point, height_m: float, hits: Floats, tolerance_m: float
+    ) -> Plan | None:
         """A plan from `point` to `place`, or within the tolerance of it; None where there is none.
 
         hits: (n, 2) float64 rows (north, east). Where it keeps less from them than every other
-        plan does, the vehicle has flown.
+        plan does, the vehicle has flown at this height.
         """
         found = self._planner.plan(point, place, hits, tolerance_m)
-        if isinstance(found, NoPlan) or not self._is_known(found.points, hits):
+        if isinstance(found, NoPlan) or not self._is_flown(found.points, height_m, hits):
             return None
         return found
 
-    def _is_known(self, points: tuple[Point, ...], hits: Floats) -> bool:
+    def _is_flown(self, points: tuple[Point, ...], height_m: float, hits: Floats) -> bool:
         for a, b in itertools.pairwise(points):
             steps = max(1, round(distance(a, b) / _SAMPLE_M))
             for step in range(steps + 1):
                 here = interpolate(a, b, step / steps)
                 near_m = np.hypot(*(hits - here).T).min(initial=self._wide_m)
-                if near_m < self._wide_m and self._trail.distance_m(here) > FLOWN_WITHIN_M:
+                if near_m >= self._wide_m:
+                    continue
+                if self._trail.distance_m(here, height_m) > FLOWN_WITHIN_M:
                     return False
         return True

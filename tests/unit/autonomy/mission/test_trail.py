@@ -108,7 +108,16 @@ def test_a_battery_that_does_not_go_down_lasts_for_ever() -> None:
 
 def test_a_place_is_as_far_from_the_way_as_from_its_nearest_stretch() -> None:
     trail = walked([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
-    assert trail.distance_m((0.5, 0.2)) == pytest.approx(0.2)
-    assert trail.distance_m((1.3, 0.6)) == pytest.approx(0.3)
-    assert trail.distance_m((1.0, 0.4)) == 0.0
-    assert walked([(0.0, 0.0)]).distance_m((0.0, 0.0)) == math.inf
+    assert trail.distance_m((0.5, 0.2), 1.0) == pytest.approx(0.2)
+    assert trail.distance_m((1.3, 0.6), 1.02) == pytest.approx(0.3)
+    assert trail.distance_m((1.0, 0.4), 1.0) == 0.0
+    assert trail.distance_m((1.0, 0.4), 1.2) == math.inf
+    assert walked([(0.0, 0.0)]).distance_m((0.0, 0.0), 1.0) == math.inf
+
+
+def test_a_climb_is_no_stretch_of_either_height() -> None:
+    trail = Trail(
+        tuple(Crumb((0.0, 0.3 * k), 1.0 + 0.5 * (k > 1), is_open=False) for k in range(4))
+    )
+    assert trail.distance_m((0.0, 0.45), 1.0) == pytest.approx(0.15)
+    assert trail.distance_m((0.0, 0.45), 1.5) == pytest.approx(0.15)
