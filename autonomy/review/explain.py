@@ -3,9 +3,10 @@
 import math
 from bisect import bisect_right
 
-from autonomy.config import GuidanceConfig
+from autonomy.config import Config
 from autonomy.errors import BadInput
 from autonomy.geometry import moved
+from autonomy.mission.coverage import coverage
 from autonomy.model import MissionState, NoPlan, ObstacleKind
 from autonomy.report import frame_words
 from autonomy.review.history import History, Moment, Replan
@@ -86,7 +87,7 @@ def _speed(history: History, moment: Moment) -> list[str]:
     """Table 2 and the stopping distance, where it was on its way."""
     if moment.state not in PATH_STATES or not moment.streaming:
         return []
-    lines = [speed_rule(moment.speed_limit_m_s, history.config.guidance)]
+    lines = [speed_rule(moment, history.config)]
     if moment.ahead_m is not None:
         guard = history.config.guard
         need_m = stopping_distance_m(moment.speed_m_s, guard.reaction_s, guard.braking_m_s2)
@@ -96,28 +97,35 @@ def _speed(history: History, moment: Moment) -> list[str]:
     return lines
 
 
-MAXIMUM, BETWEEN, MINIMUM, ZERO = SPEED_ROWS = (
+MAXIMUM, LOST, BETWEEN, MINIMUM, ZERO = SPEED_ROWS = (
     "maximum: nothing near, or receding from it with room",
+    "less than Table 2: a beam was not believed, and so the others looked as often along the way",
     "between minimum and maximum, for the clearance, which gave no room or did not grow",
     "minimum: something was near",
     "zero: not seen free",
 )
-"""The rows of Table 2, as they are flown (t3drm/speed.py)."""
+"""The rows of Table 2, as they are flown (t3drm/speed.py), and what comes below them."""
 
 
-def speed_row(limit_m_s: float, guidance: GuidanceConfig) -> str:
-    """The one of SPEED_ROWS that a speed limit came from."""
+def speed_row(moment: Moment, config: Config) -> str:
+    """The one of SPEED_ROWS that a moment's speed limit came from."""
+    guidance, limit_m_s = config.guidance, moment.speed_limit_m_s
     if limit_m_s >= guidance.speed_max_m_s:
         return MAXIMUM
+    left = coverage(config, {doubt.beam for doubt in moment.doubts})
+    if left.share < 1.0 and limit_m_s == guidance.speed_max_m_s * left.share:
+        return LOST
     if limit_m_s > guidance.speed_min_m_s:
         return BETWEEN
     return MINIMUM if limit_m_s > 0.0 else ZERO
 
 
-def speed_rule(limit_m_s: float, guidance: GuidanceConfig) -> str:
-    """Which row of Table 2 a speed limit came from, in a sentence."""
-    row = speed_row(limit_m_s, guidance)
+def speed_rule(moment: Moment, config: Config) -> str:
+    """Which row of Table 2 a moment's speed limit came from, in a sentence."""
+    limit_m_s, row = moment.speed_limit_m_s, speed_row(moment, config)
     name, colon, why = row.partition(": ")
+    if row == LOST:
+        return f"It flew no faster than {limit_m_s:.2f} m/s, {name}: {why}."
     if not colon:
         return f"Table 2 gave {limit_m_s:.2f} m/s, {row}."
     return f"Table 2 gave the {name}, {limit_m_s:.2f} m/s: {why}."

@@ -239,11 +239,10 @@ def _faults(history: History) -> str:
 
 def _table2(history: History) -> str:
     """How long the vehicle flew by each row of Table 2."""
-    guidance = history.config.guidance
     spent: dict[str, float] = {}
     for moment, after in pairwise(history.moments):
         if moment.streaming and moment.state in PATH_STATES:
-            row = speed_row(moment.speed_limit_m_s, guidance)
+            row = speed_row(moment, history.config)
             spent[row] = spent.get(row, 0.0) + after.now_s - moment.now_s
     whole_s = sum(spent.values())
     if whole_s <= 0.0:

@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner
 
 from autonomy.cli import main
-from autonomy.config import GuidanceConfig
+from autonomy.config import Config, GuidanceConfig
 from autonomy.errors import BadInput, ExitCode
 from autonomy.flightlog.reader import FlightLog
 from autonomy.flightlog.recorder import FlightRecorder
@@ -39,6 +39,7 @@ from autonomy.review import worker
 from autonomy.review.explain import (
     BETWEEN,
     DOING,
+    LOST,
     MAXIMUM,
     MINIMUM,
     explain,
@@ -344,9 +345,38 @@ def test_the_page_tells_the_rows_of_table_2_and_what_was_wrong(history: History)
         (0.0, "the zero"),
     ],
 )
-def test_a_speed_limit_tells_its_row_of_table_2(limit_m_s: float, words: str) -> None:
+def test_a_speed_limit_tells_its_row_of_table_2(
+    history: History, limit_m_s: float, words: str
+) -> None:
     guidance = GuidanceConfig(speed_min_m_s=0.05, speed_max_m_s=0.2)
-    assert f"Table 2 gave {words}" in speed_rule(limit_m_s, guidance)
+    assert f"Table 2 gave {words}" in speed_rule(
+        limited(history, limit_m_s), Config(guidance=guidance)
+    )
+
+
+def limited(history: History, limit_m_s: float, doubted: tuple[str, ...] = ()) -> Moment:
+    """A moment under way with that limit, while those beams were not believed."""
+    doubts = tuple(BeamDoubt(beam, BeamWord.STUCK, 1.0, "it repeats itself") for beam in doubted)
+    moment = history.moments[cruising(history)]
+    return msgspec.structs.replace(moment, speed_limit_m_s=limit_m_s, doubts=doubts)
+
+
+@pytest.mark.parametrize(
+    ("limit_m_s", "doubted", "row"),
+    [
+        (0.1, ("left",), LOST),
+        (0.1, ("up",), BETWEEN),
+        (0.12, ("left",), BETWEEN),
+        (0.05, ("left",), MINIMUM),
+        (0.0, ("left", "front"), LOST),
+    ],
+)
+def test_half_the_speed_of_a_lost_beam_is_not_called_the_clearances(
+    history: History, limit_m_s: float, doubted: tuple[str, ...], row: str
+) -> None:
+    moment = limited(history, limit_m_s, doubted)
+    assert speed_row(moment, Config()) is row
+    assert ("a beam was not believed" in speed_rule(moment, Config())) is (row is LOST)
 
 
 @pytest.mark.parametrize(
@@ -360,11 +390,10 @@ def test_a_speed_limit_tells_its_row_of_table_2(limit_m_s: float, words: str) ->
     ],
 )
 def test_the_row_told_is_the_one_that_was_flown(
-    clearance_m: float, receding: bool, row: str
+    history: History, clearance_m: float, receding: bool, row: str
 ) -> None:
-    guidance = GuidanceConfig()
-    limit_m_s = speed_for_clearance(clearance_m, guidance, receding=receding)
-    assert speed_row(limit_m_s, guidance) is row
+    limit_m_s = speed_for_clearance(clearance_m, Config().guidance, receding=receding)
+    assert speed_row(limited(history, limit_m_s), Config()) is row
 
 
 def test_a_log_of_before_there_was_health_says_so(history: History) -> None:
