@@ -15,8 +15,6 @@ from autonomy.config import Config
 from autonomy.geometry import Point, distance
 from autonomy.mission.sensing import Room, Sensing
 from autonomy.mission.tick import Tick
-from autonomy.mission.trail import Trail
-from autonomy.mission.way_out import WayOut
 from autonomy.model import NoPlan, Plan
 from autonomy.perception.storey_maps import FloatArray
 from autonomy.t3drm.over_under import SAME_M, Price, Question, Search, Storeys, Way
@@ -46,13 +44,9 @@ SEARCH_SHARE = 0.6
 class Heights:
     """The present height of flight, the change that is under way, and the search for others."""
 
-    def __init__(
-        self, config: Config, sensing: Sensing, planner: Planner, trail: Trail | None = None
-    ) -> None:
-        """`trail`: the way that is being flown, for who lays one; a narrow place is left by it."""
+    def __init__(self, config: Config, sensing: Sensing, planner: Planner) -> None:
         self._config = config
         self._sensing, self._planner = sensing, planner
-        self._way_out = WayOut(config, Trail() if trail is None else trail)
         self._price = Price.of(config.planner.storeys, config.guidance)
         self._storeys = self._storeys_about(config.mission.altitude_m)
         self.present_m = config.mission.altitude_m
@@ -348,11 +342,8 @@ class Heights:
         late = tick.now_s > self._search_until_s
         if isinstance(here, Plan) or late or self._retreats >= RETREATS_MAX:
             return None
-        hits = self._sensing.map.hits()
-        back: Plan | NoPlan | None = self._planner.plan(point, place, hits, SETTLED_M)
+        back = self._planner.plan(point, place, self._sensing.map.hits(), SETTLED_M)
         if isinstance(back, NoPlan):
-            back = self._way_out.plan(point, place, self.present_m, hits, SETTLED_M)
-        if back is None:
             return None
         self._retreats += 1
         return msgspec.structs.replace(back, height_m=self.present_m)

@@ -35,6 +35,8 @@ from autonomy.mission.sensing import UNDER_VEHICLE_M, Sensing
 from autonomy.mission.sequence import Move
 from autonomy.mission.steering import Steering
 from autonomy.mission.tick import Tick
+from autonomy.mission.trail import Trail
+from autonomy.mission.way_out import WayOut
 from autonomy.model import (
     Ending,
     Environment,
@@ -53,6 +55,8 @@ _AT_REST_M_S = 0.05
 _BACK_WITHIN_M = 0.1
 _CLOSED_FOR_S, _CLOSED_GAP_S = 0.5, 0.2
 """Over or under the goal: so long must the way to its height be closed, with no longer gaps."""
+_WAYS_OUT_MAX = 8
+"""In one flight, so that it ends: each is followed by a look round, and costs no rung."""
 _GOAL_MAY_MOVE = 0.6
 """By this much of the tolerance the planner may move a goal that a noisy hit has come too near."""
 
@@ -68,6 +72,7 @@ class Navigation:
         planner: Planner,
         heights: Heights,
         steering: Steering,
+        trail: Trail,
     ) -> None:
         self._config = config
         self._route = route
@@ -81,6 +86,8 @@ class Navigation:
         self._ladder = Ladder(config.mission.replan.attempts)
         self._look_for_s = 0.0
         self._retreat_to: Point | None = None
+        self._way_out = WayOut(config, planner, trail)
+        self._ways_out = 0
         self._closed_since_s: float | None = None
         self._closed_at_s = -math.inf
         self.stops = 0
@@ -109,7 +116,7 @@ class Navigation:
             return self._next_goal(tick)
         self._heights.note_place(tick.fused.point)
         if self._is_back(tick.fused):
-            return Move(MissionState.STOP, "room to change height")
+            return Move(MissionState.STOP, "back where there is room")
         move = self._on_other_heights(tick)
         if move is not None:
             return move
@@ -286,12 +293,17 @@ class Navigation:
             return None
         return Move(state, why)
 
-    def _no_way(self, tick: Tick, reason: str, evidence: tuple[Point, ...]) -> Move:
-        """The fixed ladder: look again, forget nearby, forget all, verdict. Never reset.
+    def _no_way(self, tick: Tick, reason: str, evidence: tuple[Point, ...]) -> Move | None:
+        """Out of where the map has closed behind the vehicle, or the fixed ladder: look again,
+        forget nearby, forget all, verdict. Never reset.
 
         From the first rung on the newest look counts: what was hit while the position was wrong by
         centimetres narrows every gap.
         """
+        out = self._out_by_the_way_in(tick)
+        if out is not None:
+            tick.say("way_out", f"{reason}; out by the way that was flown in")
+            return self._take(tick, out)
         replan, point = self._config.mission.replan, tick.fused.point
         rung = self._ladder.climb()
         self._sensing.maps.trust_newest()
@@ -313,6 +325,19 @@ class Navigation:
             MissionState.DETECT,
             f"no way ({self._ladder.failures} of {replan.attempts}): {reason}; {doing}",
         )
+
+    def _out_by_the_way_in(self, tick: Tick) -> Plan | None:
+        """Once a first look again has not helped, from rest."""
+        looked = self._ladder.failures > 0 and tick.state is MissionState.REPLAN
+        if not looked or self._ways_out >= _WAYS_OUT_MAX or not self._heights.at_goals_height:
+            return None
+        hits, goal = np.array(self._heights.hits()).reshape(-1, 2), (self.goal[0], self.goal[1])
+        height_m, tolerance_m = self._heights.present_m, self._config.mission.goal_tolerance_m
+        out = self._way_out.plan(tick.fused.point, goal, height_m, hits, tolerance_m)
+        if out is not None:
+            self._ways_out += 1
+            self._retreat_to = out.points[-1]
+        return out
 
     def _next_goal(self, tick: Tick) -> Move:
         """Arrived: next goal of the route, or the end of the flight."""

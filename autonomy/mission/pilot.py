@@ -45,10 +45,10 @@ class Pilot:
         self._sensing = Sensing(config)
         planner = Planner(config.planner, config.body.radius_m, config.guard.fence)
         self._trail = Trail() if resumed is None else Trail(resumed.trail, flown_m=resumed.flown_m)
-        self._heights = Heights(config, self._sensing, planner, self._trail)
+        self._heights = Heights(config, self._sensing, planner)
         self._steering = Steering(config, self._sensing, self._heights)
         self._navigation = Navigation(
-            config, route, self._sensing, planner, self._heights, self._steering
+            config, route, self._sensing, planner, self._heights, self._steering, self._trail
         )
         self._returning = Returning(
             config, self._sensing, planner, self._heights, self._steering, self._trail

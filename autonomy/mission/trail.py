@@ -5,9 +5,8 @@ the autopilot's, so that they stay where they were laid.
 """
 
 import itertools
-import math
 
-from autonomy.geometry import Point, distance, segment_distance
+from autonomy.geometry import Point, distance
 from autonomy.model import Crumb
 
 STEP_M = 0.2
@@ -48,14 +47,24 @@ class Trail:
         points = [crumb.point for crumb in self._crumbs]
         return sum(distance(a, b) for a, b in itertools.pairwise(points))
 
-    def distance_m(self, point: Point, height_m: float) -> float:
-        """From `point` to the nearest stretch flown at that height; infinite without one."""
-        stretches = (
-            segment_distance(point, a.point, b.point)
-            for a, b in itertools.pairwise(self._crumbs)
-            if max(abs(a.height_m - height_m), abs(b.height_m - height_m)) <= SAME_HEIGHT_M
+    def stretches(self, height_m: float, longest_m: float) -> tuple[tuple[Point, Point], ...]:
+        """From crumb to crumb, where both are at that height and no farther apart than that."""
+        here = [c.point if _same(c.height_m, height_m) else None for c in self._crumbs]
+        return tuple(
+            (a, b)
+            for a, b in itertools.pairwise(here)
+            if a is not None and b is not None and distance(a, b) <= longest_m
         )
-        return min(stretches, default=math.inf)
+
+    def open_places(self, height_m: float) -> tuple[Point, ...]:
+        """The open crumbs at that height, newest first."""
+        crumbs = self._crumbs[::-1]
+        return tuple(c.point for c in crumbs if c.is_open and _same(c.height_m, height_m))
+
+    def newest(self, height_m: float) -> Point | None:
+        """The newest crumb, when it is at that height."""
+        last = self._crumbs[-1] if self._crumbs else None
+        return last.point if last is not None and _same(last.height_m, height_m) else None
 
     def count_way(self, point: Point) -> None:
         """The vehicle is at `point`: adds to `flown_m`."""
@@ -70,14 +79,13 @@ class Trail:
         if not self._crumbs:
             return True
         last = self._crumbs[-1]
-        climbed = abs(last.height_m - height_m) > SAME_HEIGHT_M
-        return climbed or distance(last.point, point) >= STEP_M
+        return not _same(last.height_m, height_m) or distance(last.point, point) >= STEP_M
 
     def lay(self, crumb: Crumb) -> None:
         """The next crumb; a loop that it closes is cut off."""
         for index, old in enumerate(self._crumbs[:-1]):
             near = distance(old.point, crumb.point) <= JOINED_M
-            if near and abs(old.height_m - crumb.height_m) <= SAME_HEIGHT_M:
+            if near and _same(old.height_m, crumb.height_m):
                 del self._crumbs[index + 1 :]
                 return
         self._crumbs.append(crumb)
@@ -97,3 +105,7 @@ class Trail:
     def drop(self, count: int) -> None:
         """The newest `count` crumbs were flown back past; the first one always stays."""
         del self._crumbs[max(1, len(self._crumbs) - count) :]
+
+
+def _same(height_m: float, other_m: float) -> bool:
+    return abs(height_m - other_m) <= SAME_HEIGHT_M
