@@ -83,9 +83,10 @@ CARVE_M = 0.02
 CARVE_SHARE = 0.025
 """A cone rules out what is nearer than its range by this much and this share of the range, and its
 arc passes through what is as far or farther by no more than that."""
-VOTES = 2
+VOTES, ARCS_MIN = 2, 3
 """Where a beam's own readings leave nothing of an arc, the points stay that as many times more arcs
-pass through than cones rule out: a thin thing returns too little to be seen in every reading."""
+pass through than its cones rule out: a thin thing returns too little to be seen in every reading.
+Fewer arcs than three are no vote: readings stray, and two in a row do."""
 SHORT_ARC_M = 0.13
 """An arc this short is a hit as it is."""
 # A gap this many times the beam's own period is a dropped reading.
@@ -378,34 +379,36 @@ def _carve(bits, arc, cone):
 
 @njit(cache=True)
 def _outvoted(cones, arc):
-    """The points of an arc that VOTES times as many arcs pass through as cones rule out.
+    """The points of an arc that VOTES times as many arcs pass through as its own beam rules out.
 
-    Of these the ones that the vote is clearest about: its lead is half the greatest or more.
+    ARCS_MIN arcs at least, and of these points the ones that the vote is clearest about: its lead
+    is half the greatest or more.
     """
     oldest = arc[C_STAMP] - CONE_AGE_S
-    leads = np.empty(ARC_POINTS, dtype=np.int64)
+    places = np.empty((ARC_POINTS, 2))
     for k in range(ARC_POINTS):
-        px, py = _arc_point(arc, k)
-        arcs = ruled_out = 0
-        for c in range(CONES):
-            cone = cones[c]
-            if cone[C_STAMP] < oldest:
-                continue
-            dx = px - cone[C_X]
-            dy = py - cone[C_Y]
+        places[k, 0], places[k, 1] = _arc_point(arc, k)
+    arcs = np.zeros(ARC_POINTS, dtype=np.int64)
+    ruled_out = np.zeros(ARC_POINTS, dtype=np.int64)
+    for c in range(CONES):
+        cone = cones[c]
+        if cone[C_STAMP] < oldest:
+            continue
+        mine = cone[C_BEAM] == arc[C_BEAM]
+        tan = math.tan(cone[C_ARC])
+        near2 = (2.0 * cone[C_LENGTH] - cone[C_BEYOND]) ** 2
+        for k in range(ARC_POINTS):
+            dx = places[k, 0] - cone[C_X]
+            dy = places[k, 1] - cone[C_Y]
             ahead = dx * cone[C_COS] + dy * cone[C_SIN]
             beside = abs(dy * cone[C_COS] - dx * cone[C_SIN])
             far2 = dx * dx + dy * dy
             if far2 < cone[C_REACH] * cone[C_REACH]:
-                if beside <= ahead * cone[C_TAN]:
-                    ruled_out += 1
-            elif (
-                far2 <= cone[C_BEYOND] * cone[C_BEYOND]
-                and far2 >= (2.0 * cone[C_LENGTH] - cone[C_BEYOND]) ** 2
-                and beside <= ahead * math.tan(cone[C_ARC])
-            ):
-                arcs += 1
-        leads[k] = arcs - VOTES * ruled_out
+                if mine and beside <= ahead * cone[C_TAN]:
+                    ruled_out[k] += 1
+            elif near2 <= far2 <= cone[C_BEYOND] * cone[C_BEYOND] and beside <= ahead * tan:
+                arcs[k] += 1
+    leads = np.where(arcs >= ARCS_MIN, arcs - VOTES * ruled_out, -1)
     least = max(0.0, 0.5 * leads.max())
     bits = 0
     for k in range(ARC_POINTS):

@@ -106,18 +106,15 @@ def test_a_battery_that_does_not_go_down_lasts_for_ever() -> None:
     assert reserve.lasts_s(0.1) == math.inf
 
 
-def test_a_place_is_as_far_from_the_way_as_from_its_nearest_stretch() -> None:
-    trail = walked([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
-    assert trail.distance_m((0.5, 0.2), 1.0) == pytest.approx(0.2)
-    assert trail.distance_m((1.3, 0.6), 1.02) == pytest.approx(0.3)
-    assert trail.distance_m((1.0, 0.4), 1.0) == 0.0
-    assert trail.distance_m((1.0, 0.4), 1.2) == math.inf
-    assert walked([(0.0, 0.0)]).distance_m((0.0, 0.0), 1.0) == math.inf
-
-
-def test_a_climb_is_no_stretch_of_either_height() -> None:
-    trail = Trail(
-        tuple(Crumb((0.0, 0.3 * k), 1.0 + 0.5 * (k > 1), is_open=False) for k in range(4))
-    )
-    assert trail.distance_m((0.0, 0.45), 1.0) == pytest.approx(0.15)
-    assert trail.distance_m((0.0, 0.45), 1.5) == pytest.approx(0.15)
+def test_stretches_are_of_one_height_and_not_longer_than_asked() -> None:
+    heights_m = (1.0, 1.0, 1.02, 1.5, 1.5)
+    points = [(0.0, 0.3 * k) for k in range(5)]
+    crumbs = zip(points, heights_m, (False, True, True, True, False), strict=True)
+    trail = Trail(tuple(Crumb(point, height_m, is_open=o) for point, height_m, o in crumbs))
+    assert trail.stretches(1.0, 0.4) == ((points[0], points[1]), (points[1], points[2]))
+    assert trail.stretches(1.5, 0.4) == ((points[3], points[4]),)
+    assert trail.stretches(1.0, 0.2) == ()
+    assert trail.open_places(1.0) == (points[2], points[1])
+    assert trail.newest(1.5) == points[4]
+    assert trail.newest(1.0) is None
+    assert Trail().newest(1.0) is None

@@ -131,11 +131,13 @@ def test_a_beam_may_take_back_all_that_it_saw_itself() -> None:
     assert not obstacles.open_arcs()
 
 
-def swept_past(missed: Collection[float], length_m: float = 0.5) -> ObstacleMap:
-    """One beam turns past a needle at 0 deg, 3 deg a reading, and misses it at some bearings."""
-    obstacles = new_map()
-    for bearing in range(-36, 37, 3):
-        stamp_s = 1.0 + 0.05 * (bearing + 36) / 3
+def swept_past(
+    missed: Collection[float], step_deg: int = 3, obstacles: ObstacleMap | None = None
+) -> ObstacleMap:
+    """One beam turns past a needle 0.5 m away at 0 deg, and misses it at some bearings."""
+    length_m, obstacles = 0.5, obstacles or new_map()
+    for bearing in range(-36, 37, step_deg):
+        stamp_s = 1.0 + 0.05 * (bearing + 36) / step_deg
         seen = abs(bearing) <= 12 and bearing not in missed
         kind, range_m = (RayKind.HIT, length_m) if seen else (RayKind.FREE, 1.0)
         obstacles.update(stamp_s, (cone(stamp_s, float(bearing), range_m, kind),))
@@ -155,6 +157,21 @@ def test_what_a_beam_sees_in_few_readings_is_not(seen: tuple[int, ...]) -> None:
     obstacles = swept_past(missed)
     assert len(obstacles.hits()) == 0
     assert not obstacles.open_arcs()
+
+
+@pytest.mark.parametrize("missed", [(0,), (3,), (-12, 3)])
+def test_what_another_beam_never_saw_is_there_all_the_same(missed: tuple[int, ...]) -> None:
+    blind = new_map()
+    for bearing in range(-36, 37, 3):
+        stamp_s = 0.2 + 0.01 * (bearing + 36) / 3
+        blind.update(stamp_s, (cone(stamp_s, float(bearing), 1.0, RayKind.FREE, beam=1),))
+    assert len(swept_past(missed, obstacles=blind).hits()) > 0
+
+
+def test_two_readings_that_stray_while_it_turns_fast_are_no_thing() -> None:
+    strayed = swept_past((-12, -6, 12), step_deg=6)
+    assert len(strayed.hits()) == 0
+    assert not strayed.open_arcs()
 
 
 @settings(deadline=None, max_examples=60)
