@@ -13,7 +13,10 @@ class Rung(StrEnum):
 
 
 class Ladder:
-    """Counts the failures of one flight. Nothing resets the count, so every flight ends."""
+    """Counts the failures of one flight. Nothing resets the count, so every flight ends.
+
+    What is tried before a rung (`Navigation._out_by_the_way_in`) has a count of its own.
+    """
 
     def __init__(self, attempts: int) -> None:
         """`attempts` rungs: a third of the way up what is near is forgotten, at two thirds all, and

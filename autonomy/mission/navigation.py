@@ -55,8 +55,8 @@ _AT_REST_M_S = 0.05
 _BACK_WITHIN_M = 0.1
 _CLOSED_FOR_S, _CLOSED_GAP_S = 0.5, 0.2
 """Over or under the goal: so long must the way to its height be closed, with no longer gaps."""
-_WAYS_OUT_MAX = 8
-"""In one flight, so that it ends: each is followed by a look round, and costs no rung."""
+WAYS_OUT_MAX = 4
+"""In one flight, so that it ends: a look round follows, and no rung is climbed for it."""
 _GOAL_MAY_MOVE = 0.6
 """By this much of the tolerance the planner may move a goal that a noisy hit has come too near."""
 
@@ -181,8 +181,7 @@ class Navigation:
             return self._decided(tick, found)
         self._planned_s = tick.now_s
         self.replans += 1
-        tolerance_m = _GOAL_MAY_MOVE * self._config.mission.goal_tolerance_m
-        goal = (self.goal[0], self.goal[1])
+        goal, tolerance_m = (self.goal[0], self.goal[1]), self._goal_may_move_m
         here = self._heights.ask(tick, self._plan_here(tick, goal, tolerance_m), goal, tolerance_m)
         self._retreat_to = None
         if isinstance(here, Plan):
@@ -278,13 +277,13 @@ class Navigation:
             f"as dear as {way.cost_m:.2f} m{first}"
         )
 
-    def _take(self, tick: Tick, plan: Plan) -> Move | None:
-        """Fly a plan of the present height."""
+    def _take(self, tick: Tick, plan: Plan, why: str = "") -> Move | None:
+        """Fly a plan of the present height; `why` where it is not the way to the goal."""
         tick.plan = plan
         self._course.take(plan)
         straight = all(leg.kind is LegKind.STRAIGHT for leg in plan.legs)
         state = MissionState.CRUISE if straight else MissionState.FOLLOW
-        why = _why_this_plan(plan)
+        why = why or _why_this_plan(plan)
         if not self._heights.at_goals_height:
             why = f"at {self._heights.present_m:.2f} m high, {why}"
         if state is tick.state:
@@ -294,16 +293,15 @@ class Navigation:
         return Move(state, why)
 
     def _no_way(self, tick: Tick, reason: str, evidence: tuple[Point, ...]) -> Move | None:
-        """Out of where the map has closed behind the vehicle, or the fixed ladder: look again,
-        forget nearby, forget all, verdict. Never reset.
+        """Out of where the map has closed behind the vehicle, or one rung of the fixed ladder: look
+        again, forget nearby, forget all, verdict. Never reset.
 
         From the first rung on the newest look counts: what was hit while the position was wrong by
         centimetres narrows every gap.
         """
         out = self._out_by_the_way_in(tick)
         if out is not None:
-            tick.say("way_out", f"{reason}; out by the way that was flown in")
-            return self._take(tick, out)
+            return self._take(tick, out, f"{reason}; out by the way in, {out.length_m:.2f} m")
         replan, point = self._config.mission.replan, tick.fused.point
         rung = self._ladder.climb()
         self._sensing.maps.trust_newest()
@@ -327,17 +325,24 @@ class Navigation:
         )
 
     def _out_by_the_way_in(self, tick: Tick) -> Plan | None:
-        """Once a first look again has not helped, from rest."""
+        """Where a look again has not helped, at rest, at the goal's height, and nothing moves."""
         looked = self._ladder.failures > 0 and tick.state is MissionState.REPLAN
-        if not looked or self._ways_out >= _WAYS_OUT_MAX or not self._heights.at_goals_height:
+        at_rest = horizontal_norm(tick.fused.velocity_ned_m_s) <= _AT_REST_M_S
+        if not (looked and at_rest and self._heights.at_goals_height):
+            return None
+        if self._sensing.things_move or self._ways_out >= WAYS_OUT_MAX:
             return None
         hits, goal = np.array(self._heights.hits()).reshape(-1, 2), (self.goal[0], self.goal[1])
-        height_m, tolerance_m = self._heights.present_m, self._config.mission.goal_tolerance_m
-        out = self._way_out.plan(tick.fused.point, goal, height_m, hits, tolerance_m)
+        point, height_m = tick.fused.point, self._heights.present_m
+        out = self._way_out.plan(point, goal, height_m, hits, self._goal_may_move_m)
         if out is not None:
             self._ways_out += 1
             self._retreat_to = out.points[-1]
         return out
+
+    @property
+    def _goal_may_move_m(self) -> float:
+        return _GOAL_MAY_MOVE * self._config.mission.goal_tolerance_m
 
     def _next_goal(self, tick: Tick) -> Move:
         """Arrived: next goal of the route, or the end of the flight."""

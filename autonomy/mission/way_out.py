@@ -1,4 +1,4 @@
-"""Out of a narrow place that the vehicle flew into, when the map has closed behind it.
+"""Out of a place that the vehicle flew into, when the map has closed behind it.
 
 A gap may be entered that is wider than twice the keep-out by less than what position and sensing
 err by; seen from inside it reads as closed. The body went through it, so that it may be planned to
@@ -8,6 +8,7 @@ not flown is not entered like this.
 
 from collections.abc import Iterator
 
+import msgspec
 import numpy as np
 
 from autonomy.config import Config
@@ -31,7 +32,7 @@ _SLACK_M = 0.002
 
 
 class WayOut:
-    """Plans through what was flown, and nowhere else, below the keep-out of every other plan."""
+    """Plans below the keep-out of every other plan, along what was flown and no other way."""
 
     def __init__(self, config: Config, planner: Planner, trail: Trail) -> None:
         """`planner`: the one whose ways count beyond the narrow place."""
@@ -39,6 +40,7 @@ class WayOut:
         self._trail = trail
         body_m = config.body.radius_m
         clearance_m = config.map.corridor_hit_m + SPARE_M - body_m
+        clearance_m = min(clearance_m, config.planner.hard_clearance_m)
         tight = {
             "comfortable_clearance_m": clearance_m,
             "hard_clearance_m": clearance_m,
@@ -52,14 +54,15 @@ class WayOut:
         """To an open place on the way flown from which there is a way to the goal; None without.
 
         hits: (n, 2) float64 rows (north, east). Where the plan keeps less from them than every
-        other plan does, the vehicle has flown at this height.
+        other plan does, the vehicle has flown at this height within FLOWN_WITHIN_M, if perhaps
+        with more room. `tolerance_m`: of the goal, as in `Planner.plan`.
         """
         for place in self._open_places(point, height_m):
             if not isinstance(self._planner.seek(place, goal, hits, tolerance_m), Plan):
                 continue
             found = self._tight.seek(point, place, hits)
             if isinstance(found, Plan) and self._is_flown(found, point, height_m, hits):
-                return found
+                return msgspec.structs.replace(found, height_m=height_m)
         return None
 
     def _open_places(self, point: Point, height_m: float) -> Iterator[Point]:

@@ -84,9 +84,11 @@ CARVE_SHARE = 0.025
 """A cone rules out what is nearer than its range by this much and this share of the range, and its
 arc passes through what is as far or farther by no more than that."""
 VOTES, ARCS_MIN = 2, 3
-"""Where a beam's own readings leave nothing of an arc, the points stay that as many times more arcs
-pass through than its cones rule out: a thin thing returns too little to be seen in every reading.
-Fewer arcs than three are no vote: readings stray, and two in a row do."""
+"""Where a beam's own readings leave nothing of an arc, the points stay that twice as many arcs pass
+through as its cones rule out: a thin thing returns too little to be seen in every reading. Fewer
+arcs than three are no vote: readings stray, and two in a row do."""
+GRAZE = 1e-6
+"""In cells: an arc passes through its own ends, however they are rounded."""
 SHORT_ARC_M = 0.13
 """An arc this short is a hit as it is."""
 # A gap this many times the beam's own period is a dropped reading.
@@ -382,7 +384,7 @@ def _outvoted(cones, arc):
     """The points of an arc that VOTES times as many arcs pass through as its own beam rules out.
 
     ARCS_MIN arcs at least, and of these points the ones that the vote is clearest about: its lead
-    is half the greatest or more.
+    is half the greatest or more. Points count again that were taken away one by one.
     """
     oldest = arc[C_STAMP] - CONE_AGE_S
     places = np.empty((ARC_POINTS, 2))
@@ -406,7 +408,7 @@ def _outvoted(cones, arc):
             if far2 < cone[C_REACH] * cone[C_REACH]:
                 if mine and beside <= ahead * cone[C_TAN]:
                     ruled_out[k] += 1
-            elif near2 <= far2 <= cone[C_BEYOND] * cone[C_BEYOND] and beside <= ahead * tan:
+            elif near2 <= far2 <= cone[C_BEYOND] * cone[C_BEYOND] and beside <= ahead * tan + GRAZE:
                 arcs[k] += 1
     leads = np.where(arcs >= ARCS_MIN, arcs - VOTES * ruled_out, -1)
     least = max(0.0, 0.5 * leads.max())

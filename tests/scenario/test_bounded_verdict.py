@@ -6,6 +6,7 @@ from functools import cache
 import pytest
 
 from autonomy.config import Config
+from autonomy.mission.navigation import WAYS_OUT_MAX
 from autonomy.model import Ending
 from autonomy.simulation import SimulatedFlight, Simulation, goal_of, with_scenario
 from tools.bench.rooms import passage_m, room
@@ -38,15 +39,17 @@ def configured(mode: str) -> Config:
 def budget_s(flight: SimulatedFlight, config: Config) -> float:
     """As long as a mission may take that flew no farther than the bound allows.
 
-    The way at the least speed; a look round at every stop and every rung of the ladder, after as
-    long as it takes to notice being stuck; changes of height; and climbing, arming and landing.
+    The way at the least speed; a look round at every stop, every rung of the ladder and every way
+    out of a pocket, after as long as it takes to notice being stuck; changes of height; and
+    climbing, arming and landing.
     """
     replan, guidance = config.mission.replan, config.guidance
     look_s = 100.0 / guidance.yaw_rate_deg_s + 2.0
+    rungs = replan.attempts + 2 * WAYS_OUT_MAX
     return (
         flight.path_bound.bound_m / guidance.speed_min_m_s
         + flight.stops * look_s
-        + replan.attempts * (look_s + replan.hover_s + 6.0)
+        + rungs * (look_s + replan.hover_s + 6.0)
         + flight.height_changes * (look_s + CLIMB_S)
         + 30.0
     )
@@ -62,7 +65,8 @@ def test_a_mission_in_any_small_room_ends_untouched_in_goal_or_verdict_within_it
     assert flight.path_bound.holds(flight.path_length_m), flight.path_bound
     # The first from the start, one for each rung of the ladder and for each new height; and one
     # more each of the two times that all is forgotten, where the search of heights ends for it.
-    again = 1 + config.mission.replan.attempts + flight.height_changes + 2
+    # Out by the way in, and on from there, where that was flown.
+    again = 1 + config.mission.replan.attempts + flight.height_changes + 2 + 2 * WAYS_OUT_MAX
     assert flight.path_bound.stretches <= again
     assert flight.height_changes <= 2 * config.planner.storeys.changes_max
     # A stop is a new hit in the way: nobody stops oftener than every few centimetres.

@@ -62,6 +62,7 @@ def test_a_gap_that_has_closed_by_a_little_is_left_by_the_way_in() -> None:
     assert out.points[0] == INSIDE
     assert out.points[-1] == pytest.approx((-1.6, 0.0))
     assert GUARD_M < out.keep_out_m == pytest.approx(GUARD_M + SPARE_M)
+    assert out.height_m == 1.0
 
 
 def test_a_wide_pocket_is_left_too() -> None:
@@ -84,7 +85,7 @@ def test_crumbs_too_far_apart_have_not_flown_what_is_between() -> None:
     assert out_of(CLOSED, flown((-1.6, 0.0), (-0.3, 0.0), INSIDE)) is None
 
 
-@pytest.mark.parametrize("past_m", [0.05, 0.12, 0.19])
+@pytest.mark.parametrize("past_m", [0.12, 0.19])
 def test_the_way_since_the_last_crumb_was_flown(past_m: float) -> None:
     point = (past_m, 0.0)
     beside = np.array([(past_m, 0.2), (past_m, -0.2)])
@@ -111,5 +112,5 @@ def test_a_way_out_never_comes_nearer_than_the_guard_lets_it(gap_m: float, aside
     if out is None:
         assert gap_m < 2.0 * (GUARD_M + SPARE_M) + 0.002
     else:
-        assert violated(np.array(out.points), hits, GUARD_M) is None
+        assert violated(np.array(out.points), hits, GUARD_M + SPARE_M - 1e-3) is None
         assert math.isclose(out.keep_out_m, GUARD_M + SPARE_M)

@@ -174,13 +174,16 @@ def test_two_readings_that_stray_while_it_turns_fast_are_no_thing() -> None:
     assert not strayed.open_arcs()
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=120)
 @given(missed=st.sets(st.integers(-4, 4).map(lambda k: 3 * k), max_size=9))
 def test_two_thirds_of_the_readings_decide(missed: set[int]) -> None:
-    """The outermost readings hold the needle on their arcs, but not in what they surely see."""
+    """Just two thirds may go either way, as arcs are voted on while the beam turns.
+
+    The outermost readings hold the needle on their arcs, but not in what they surely see.
+    """
     hits = swept_past(missed).hits()
     surely = sum(1 for bearing in missed if abs(bearing) <= 9)
-    if 9 - len(missed) >= 2 * surely:
+    if 9 - len(missed) > 2 * surely:
         assert len(hits) > 0
     elif 9 - len(missed) < surely:
         assert len(hits) == 0
